@@ -129,25 +129,25 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         json,
         ..Setup::default()
     };
-    let mut session = Run::new(&judge, &args.sinks, files, setup)?;
+    let mut run = Run::new(&judge, &args.sinks, files, setup)?;
     let mut failed = None;
     for frame in start.into_iter().chain(frames) {
         let judged = frame.and_then(|frame| {
             let Frame { name, path, .. } = &frame;
             let (name, path) = (name.clone(), path.clone());
             if frame.begins_run {
-                session.begin_run();
+                run.begin_run();
             } else if frame.after_gap {
-                session.begin_after_gap();
+                run.begin_after_gap();
             }
-            let progress = session.progress();
-            let judged = with_progress(&name, progress, || session.judge(frame.received()));
+            let progress = run.session.progress();
+            let judged = with_progress(&name, progress, || run.judge(frame.received()));
             let mut judged = judged.map_err(|e| e.in_file(&path))?;
             judged.model = Some(name);
             Ok(judged)
         });
         match judged {
-            Ok(judged) => session.publish(judged),
+            Ok(judged) => run.publish(judged),
             Err(e) => {
                 let nothing = has_nothing_to_verify(&e);
                 // The other models still get their verdicts.
@@ -165,9 +165,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
     }
     if failed.is_some() {
-        session.data_lost();
+        run.data_lost();
     }
-    let outcome = session.finish();
+    let outcome = run.finish();
     failed.map_or(Ok(outcome), Err)
 }
 

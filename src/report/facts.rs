@@ -245,9 +245,8 @@ struct Collector {
     rejected: u64,
     /// Number of frames with each verdict in the current violation.
     violation: Option<[u64; 6]>,
-    /// Counts of the last verdict: frames that had one, and frames that were skipped.
+    /// Number of frames that had a verdict when the last one was written.
     answered: u64,
-    skipped: u64,
 }
 
 impl Collector {
@@ -301,8 +300,8 @@ impl Collector {
         facts.counts.left_out += left_out;
         let missing = answered.saturating_sub(self.answered.saturating_add(1));
         let missing = missing.saturating_sub(left_out);
-        let skipped = progress.skipped.saturating_sub(self.skipped);
-        (self.answered, self.skipped) = (answered, progress.skipped);
+        let skipped = progress.skipped.saturating_sub(facts.counts.skipped);
+        self.answered = answered;
         let moment = Moment::of(&report);
         let counts = &mut facts.counts;
         counts.missing = counts.missing.saturating_add(missing);

@@ -76,7 +76,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let off = Events::Off.word();
     let mut replay = Replay {
         args,
-        session: Run::new(&judge, &args.sinks, files, setup)?,
+        run: Run::new(&judge, &args.sinks, files, setup)?,
         comparison: Comparison {
             // Other settings give other verdicts, intentionally.
             differing: args.judge.differing(&recorded_metadata)?,
@@ -96,7 +96,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         ended: false,
     };
     tracing::info!("replaying {name}");
-    signals::cancel_on_signals(replay.session.progress())?;
+    signals::cancel_on_signals(replay.run.session.progress())?;
     let mut read = None;
     let all = || -> Result<()> {
         for item in before {
@@ -118,14 +118,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     match all() {
         Err(Error::Cancelled) => {
             tracing::info!("stopped by a signal");
-            replay.session.data_lost();
+            replay.run.data_lost();
         }
         all => all?,
     }
     read.map_or(Ok(()), Err)?;
-    let (mut session, comparison) = (replay.session, replay.comparison);
+    let (mut run, comparison) = (replay.run, replay.comparison);
     if warn_of_cut(&source) {
-        session.cut_off("the recording that was replayed has no end");
+        run.cut_off("the recording that was replayed has no end");
     }
     if replay.missing > 0 {
         tracing::warn!(
@@ -133,18 +133,18 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
              too slow",
             plural(replay.missing, "frame"),
         );
-        session.cut_off("frames are missing in the recording that was replayed");
+        run.cut_off("frames are missing in the recording that was replayed");
     }
     if comparison.unlike > 0 {
         let verdicts = plural(comparison.unlike, "verdict");
         tracing::error!("{verdicts} different from the recorded ones");
-        session.data_lost();
+        run.data_lost();
     }
-    if session.tally.verified + session.tally.rejected > 0 {
+    if run.tally.verified + run.tally.rejected > 0 {
         let words = comparison.words();
-        session.sum.comparison = Some((words, serde_json::json!(comparison)));
+        run.sum.comparison = Some((words, serde_json::json!(comparison)));
     }
-    Ok(session.finish())
+    Ok(run.finish())
 }
 
 /// Reads the baseline, which comes before the first frame that was compared with it. Returns also
@@ -178,7 +178,7 @@ const MOST_WAITING: usize = 64;
 /// Replay in progress.
 struct Replay<'a> {
     args: &'a Args,
-    session: Run,
+    run: Run,
     /// Items that wait for the next frame. A frame waits because the next one is announced before
     /// it is judged, and so do the verdicts between them.
     waiting: VecDeque<Waiting>,
@@ -224,8 +224,11 @@ impl Replay<'_> {
             }
             RecordedItem::Frame(frame) => {
                 let info = frame.info.clone();
-                let frame = self.session.ingest(info, |receive| frame.read(receive));
-                self.session.announce(&frame);
+                let frame = self
+                    .run
+                    .session
+                    .receive(info, |receive| frame.read(receive));
+                self.run.session.announce(&frame);
                 self.finish_waiting()?;
                 let frame = Box::new(frame);
                 self.waiting.push_back(Waiting::Frame(frame));
@@ -252,11 +255,11 @@ impl Replay<'_> {
             match next {
                 Waiting::Frame(frame) => {
                     if self.is_after_dropped_frames() {
-                        self.session.begin_again(None);
+                        self.run.begin_again(None);
                     }
-                    let judged = self.session.judge(*frame)?;
+                    let judged = self.run.judge(*frame)?;
                     self.last = Some(Arc::clone(&judged.report));
-                    self.session.publish(judged);
+                    self.run.publish(judged);
                 }
                 Waiting::Verdict(recorded) => self.compare(*recorded),
             }
@@ -278,14 +281,14 @@ impl Replay<'_> {
 
     /// Begins again after frames that the recorder left out on purpose.
     fn begin_again(&mut self, baseline: Option<BaselineRecord>) {
-        self.session.begin_again(baseline);
+        self.run.begin_again(baseline);
         (self.left_out, self.restarted) = (true, true);
     }
 
     /// Compares a recorded verdict with the one of this replay.
     fn compare(&mut self, recorded: RecordedVerdict) {
         let (mut report, progress) = (recorded.report, recorded.progress);
-        self.session.tally.skipped = progress.skipped;
+        self.run.tally.skipped = progress.skipped;
         self.comparison.recorded += 1;
         let answered = progress.verified + progress.rejected;
         let before = self.answered.replace(answered);
@@ -311,11 +314,10 @@ impl Replay<'_> {
         match last {
             Some(_) if !self.comparison.differing.is_empty() => {}
             Some(_) if !report.missing.is_empty() => self.comparison.incomplete += 1,
-            Some(found) if restarted && alike(&found, &report, after_gap) => {
+            Some(found) if (restarted || !moved) && alike(&found, &report, after_gap) => {
                 self.comparison.equal += 1;
             }
             Some(_) if moved => self.comparison.after_missing += 1,
-            Some(found) if alike(&found, &report, after_gap) => self.comparison.equal += 1,
             Some(found) => {
                 tracing::error!("live:   {}", report.headline());
                 tracing::error!("replay: {}", found.headline());
@@ -330,7 +332,7 @@ impl Replay<'_> {
                 }
                 self.comparison.rejected += 1;
                 let judged = Judged::of(report, progress.times, progress.work);
-                self.session.publish(judged);
+                self.run.publish(judged);
             }
             None if self.every && report.verdict == Verdict::Intact => {
                 self.comparison.thinned += 1;

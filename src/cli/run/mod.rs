@@ -38,7 +38,7 @@ use super::output::{count, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
     BaselineRecord, Certificate, Continuation, Counters, CurveSet, Events, FrameInfo, FrameRecord,
-    FrameTimes, InvariantKind, Overflow, Progress, Received, Report, Result, RunProgress, Session,
+    FrameTimes, InvariantKind, Overflow, Received, Report, Result, RunProgress, Session,
     SessionOptions, SinkQueue, Strategy, Verdict, Work,
 };
 use std::collections::BTreeMap;
@@ -125,7 +125,8 @@ impl Judged {
 
 /// One run over frames: a session, and the outputs of its reports.
 pub struct Run {
-    session: Session,
+    /// Receives frames, which [`Run::judge`] verifies.
+    pub session: Session,
     options: SessionOptions,
     cell_args: CellArgs,
     /// Its baseline is `None` here.
@@ -217,11 +218,6 @@ impl Run {
         self
     }
 
-    /// Returns the progress of the current frame.
-    pub fn progress(&self) -> Arc<Progress> {
-        self.session.progress()
-    }
-
     /// Returns true if verifying the frame likely takes so little time that passing it to another
     /// thread does not pay: the frame is small, and the previous one was quick.
     pub fn is_quick(&self, frame: &Received) -> bool {
@@ -242,21 +238,6 @@ impl Run {
         let ends = violations.end_with(report, *step);
         violations.add(report, *step);
         ends.then_some(violations.recovered)
-    }
-
-    /// Copies a frame, which `read` passes to its argument. A frame that breaks its contract is
-    /// rejected by [`Run::judge`]. `info` is what the simulator told about it.
-    pub fn ingest(
-        &mut self,
-        info: FrameInfo,
-        read: impl FnOnce(&mut dyn FnMut(linkwatch::RawFrame<'_>) -> Result<()>) -> Result<()>,
-    ) -> Received {
-        self.session.receive(info, read)
-    }
-
-    /// Announces the frame that will be judged after the next one.
-    pub fn announce(&mut self, frame: &Received) {
-        self.session.announce(frame);
     }
 
     /// Verifies one frame.

@@ -14,12 +14,12 @@ const HEARTBEAT: Duration = Duration::from_secs(1);
 /// Judges a frame. A signal cancels the work, and so does an error of `heartbeat`, which is called
 /// at intervals.
 pub fn judge(
-    session: &mut Run,
+    run: &mut Run,
     frame: Received,
     mut heartbeat: impl FnMut() -> Result<()>,
     stop: &AtomicBool,
 ) -> Result<Judged> {
-    let (progress, live, seq) = (session.progress(), session.live.clone(), frame.info().seq);
+    let (progress, live, seq) = (run.session.progress(), run.live.clone(), frame.info().seq);
     let start = Instant::now();
     let mut beat = start;
     let mut failed = None;
@@ -28,7 +28,7 @@ pub fn judge(
     std::thread::scope(|scope| {
         let check = move || {
             let _working = working;
-            session.judge(frame)
+            run.judge(frame)
         };
         let thread = std::thread::Builder::new().name("linkwatch-check".into());
         let thread = thread.spawn_scoped(scope, check)?;

@@ -3,7 +3,7 @@
 use super::Args;
 use super::checker::judge;
 use super::closer::Closer;
-use super::state::{Earlier, State};
+use super::state::State;
 use crate::cli::files::Files;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
@@ -80,9 +80,9 @@ impl Follower<'_> {
             json: self.json,
             ..Setup::default()
         };
-        let mut session = Run::new(self.judge, sinks, files, setup)?;
-        session.live.session = self.label(number);
-        Ok(Box::new(session.measured(&self.metrics)))
+        let mut run = Run::new(self.judge, sinks, files, setup)?;
+        run.live.session = self.label(number);
+        Ok(Box::new(run.measured(&self.metrics)))
     }
 
     /// Returns the number with which the results of a session are labelled, if there may be several
@@ -112,8 +112,8 @@ impl Follower<'_> {
                 let done = met.is_ok() && !self.is_stopped();
                 return self.end(closer, first, done, met);
             };
-            let mut session = match first.take().map_or_else(|| self.next(), Ok) {
-                Ok(session) => session,
+            let mut run = match first.take().map_or_else(|| self.next(), Ok) {
+                Ok(run) => run,
                 Err(e) => {
                     sidecar.leave(&e.to_string());
                     self.metrics.disconnected();
@@ -122,23 +122,23 @@ impl Follower<'_> {
                 }
             };
             // Not the expected number if another simulator came than before a restart.
-            session.live.session = self.label(self.sessions);
+            run.live.session = self.label(self.sessions);
             if std::mem::take(&mut self.lost) {
-                session.data_lost();
+                run.data_lost();
             }
-            self.take_up(&mut session, &mut sidecar, id)?;
-            let ended = self.verify(&mut session, &mut sidecar);
+            self.take_up(&mut run, &mut sidecar, id)?;
+            let ended = self.verify(&mut run, &mut sidecar);
             let is_complete = matches!(&ended, Ok(End::Simulator));
             self.metrics.disconnected();
             if !is_complete {
-                session.tally = sidecar.counters();
+                run.tally = sidecar.counters();
             }
             if let Err(e) = &ended {
                 sidecar.leave(&e.to_string());
             }
-            self.check_skipped(&mut session);
+            self.check_skipped(&mut run);
             if is_complete {
-                self.state.end_session(session.outcome())?;
+                self.state.end_session(run.outcome())?;
             }
             let fatal = matches!(&ended, Ok(End::Signal) | Err(Error::Bus(_)));
             if fatal || !self.args.keep_watching {
@@ -146,19 +146,19 @@ impl Follower<'_> {
                 drop(sidecar);
                 // The next process continues after the last frame.
                 if matches!(&ended, Ok(End::Signal))
-                    && let Err(e) = self.state.keep(|| session.state())
+                    && let Err(e) = self.state.keep(|| run.state())
                 {
                     tracing::error!("{e}");
                 }
                 // In any case, the frames verified so far are kept and summarised.
-                return self.end(closer, Some(session), is_complete, ended);
+                return self.end(closer, Some(run), is_complete, ended);
             }
             if let Err(e) = ended {
-                session.data_lost();
+                run.data_lost();
                 self.fail(e);
             }
-            session.live.clear();
-            closer.close(session)?;
+            run.live.clear();
+            closer.close(run)?;
             let service = &self.args.service;
             tracing::info!("waiting for the next simulator on service '{service}'");
         }
@@ -173,8 +173,8 @@ impl Follower<'_> {
         done: bool,
         ended: Result<T>,
     ) -> Result<Outcome> {
-        if let Some(session) = last {
-            closer.add(session.finish());
+        if let Some(run) = last {
+            closer.add(run.finish());
         }
         let (earlier, worst) = (closer.earlier, closer.finish());
         if earlier == Outcome::Changed {
@@ -193,9 +193,9 @@ impl Follower<'_> {
     }
 
     /// Continues a session that an earlier process watched.
-    fn take_up(&mut self, session: &mut Run, sidecar: &mut Sidecar, id: u64) -> Result<()> {
+    fn take_up(&mut self, run: &mut Run, sidecar: &mut Sidecar, id: u64) -> Result<()> {
         let interrupted = self.state.interrupted().is_some();
-        let Some(Earlier { run, in_hand }) = self.state.begin_session(id, self.sessions)? else {
+        let Some(earlier) = self.state.begin_session(id, self.sessions)? else {
             if interrupted {
                 tracing::warn!(
                     "this is another simulator than before the watch was started again: it has a \
@@ -204,25 +204,25 @@ impl Follower<'_> {
             }
             return Ok(());
         };
-        session.follow_on(sidecar.counters());
-        match run {
-            Some(run) => session.resume(run)?,
+        run.follow_on(sidecar.counters());
+        match earlier.run {
+            Some(state) => run.resume(state)?,
             None => tracing::warn!(
                 "no frame was verified before the watch was started again: the next one is the \
                  first frame"
             ),
         }
-        let Some((seq, time)) = in_hand else {
+        let Some((seq, time)) = earlier.in_hand else {
             return Ok(());
         };
         let why = "the watch crashed while it verified this frame, which is not verified again";
         tracing::error!("frame {seq}: {why}");
-        let judged = session.give_up(seq, time, why);
+        let judged = run.give_up(seq, time, why);
         let sent = sidecar.send_verdict(&judged.report, Duration::ZERO);
-        session.tally = sidecar.counters();
-        session.publish(judged);
+        run.tally = sidecar.counters();
+        run.publish(judged);
         sent?;
-        let outcome = session.outcome();
+        let outcome = run.outcome();
         self.state.end_frame(sidecar.state(), None, outcome)
     }
 
@@ -233,14 +233,14 @@ impl Follower<'_> {
     }
 
     /// Applies --max-skipped to a session that has ended.
-    fn check_skipped(&self, session: &mut Run) {
-        let share = session.tally.skipped_share();
+    fn check_skipped(&self, run: &mut Run) {
+        let share = run.tally.skipped_share();
         if let Some(most) = self.args.max_skipped.filter(|&most| share > most) {
             let [share, most] = [share, most].map(percent);
             tracing::error!(
                 "{share} of the frames were skipped, more than the {most} of --max-skipped"
             );
-            session.data_lost();
+            run.data_lost();
         }
     }
 
@@ -307,7 +307,7 @@ impl Follower<'_> {
     }
 
     /// Verifies the frames of a simulator until it ends.
-    fn verify(&mut self, session: &mut Run, sidecar: &mut Sidecar) -> Result<End> {
+    fn verify(&mut self, run: &mut Run, sidecar: &mut Sidecar) -> Result<End> {
         // Receipt of the last frame, and the time at which this thread had finished it.
         let mut last: Option<[Instant; 2]> = None;
         let mut labels = LastLabels::default();
@@ -323,14 +323,14 @@ impl Follower<'_> {
                     let (state, cuts) = (sidecar.state(), frame.cuts());
                     self.state.begin_frame(state, (seq, time), cuts)?;
                     let ingested = match frame.info(&mut labels) {
-                        Ok(info) => session.ingest(info, |receive| frame.read(receive)),
+                        Ok(info) => run.session.receive(info, |receive| frame.read(receive)),
                         Err(why) => Received::new(FrameInfo::at(seq, time), Err(why)),
                     };
                     // Returns the memory to the simulator.
                     drop(frame);
-                    let judged = match session.is_quick(&ingested) {
-                        true => session.judge(ingested),
-                        false => judge(session, ingested, || sidecar.heartbeat(), self.stop),
+                    let judged = match run.is_quick(&ingested) {
+                        true => run.judge(ingested),
+                        false => judge(run, ingested, || sidecar.heartbeat(), self.stop),
                     };
                     let mut judged = match judged {
                         Err(Error::Cancelled) => {
@@ -346,31 +346,31 @@ impl Follower<'_> {
                         judged => judged?,
                     };
                     // Before the verdict: the next process must expect what this one answered for.
-                    if session.changes_baseline(&judged) {
-                        session.tally = sidecar.counters();
-                        session.find_origin(&judged);
-                        self.state.keep(|| session.state())?;
+                    if run.changes_baseline(&judged) {
+                        run.tally = sidecar.counters();
+                        run.find_origin(&judged);
+                        self.state.keep(|| run.state())?;
                     }
-                    if let Some(recovered) = session.recovered_by(&judged) {
+                    if let Some(recovered) = run.recovered_by(&judged) {
                         sidecar.withdraw_abort(recovered);
                     }
                     let sending = Instant::now();
                     let sent = sidecar.send_verdict(&judged.report, judged.times.check());
-                    let noted = self.note(sidecar, &judged.report, session);
+                    let noted = self.note(sidecar, &judged.report, run);
                     judged.latency = Some(received.elapsed());
                     judged.times.live = last.map(|[previous, finished]| LiveTimes {
                         interval: received - previous,
                         wait: received - finished,
                         send: sending.elapsed(),
                     });
-                    session.tally = sidecar.counters();
-                    session.publish(judged);
+                    run.tally = sidecar.counters();
+                    run.publish(judged);
                     sent.and(noted)?;
                     last = Some([received, Instant::now()]);
                 }
                 Event::Unreadable(why) => {
                     self.reject(why);
-                    session.data_lost();
+                    run.data_lost();
                 }
                 Event::End {
                     counters,
@@ -381,11 +381,11 @@ impl Follower<'_> {
                     if !clean {
                         let why = "the simulator left without finishing";
                         tracing::info!("{why} (an error or a panic)");
-                        session.cut_off(why);
+                        run.cut_off(why);
                     }
                     let frames = plural(published, "frame");
                     tracing::info!("the simulator ended after {frames}");
-                    session.tally = counters;
+                    run.tally = counters;
                     return Ok(End::Simulator);
                 }
                 Event::SimulatorLost { counters, .. } => {
@@ -393,8 +393,8 @@ impl Follower<'_> {
                         "the simulator died without ending the session; its last frames may be \
                          lost, and its own log may say why"
                     );
-                    session.cut_off("the simulator died");
-                    session.tally = counters;
+                    run.cut_off("the simulator died");
+                    run.tally = counters;
                     return Ok(End::Simulator);
                 }
                 // A session begins only after the end of the previous one.
@@ -404,11 +404,11 @@ impl Follower<'_> {
     }
 
     /// Notes the verdict on a frame for the next process.
-    fn note(&mut self, sidecar: &Sidecar, report: &Report, session: &Run) -> Result<()> {
+    fn note(&mut self, sidecar: &Sidecar, report: &Report, run: &Run) -> Result<()> {
         let verified = Some(report).filter(|report| report.verdict != Verdict::Rejected);
         let outcome = Outcome::of(report.verdict);
         self.state.end_frame(sidecar.state(), verified, outcome)?;
-        self.state.keep_from_time_to_time(|| session.state())
+        self.state.keep_from_time_to_time(|| run.state())
     }
 
     /// Warns of an unreadable message, once for the same reason: a simulator that sends one usually
