@@ -3,7 +3,7 @@
 use super::Outcome;
 use super::files::{Content, Files, Overwrite, write_text, write_whole};
 use super::live::Live;
-use super::number::{not_negative, positive};
+use super::number::{not_negative, number, positive};
 use super::output::{self, count, millis, plural};
 use super::settings::{parsed, split};
 use linkwatch::formats::{Format, FrameWriter, ModelFrame};
@@ -116,17 +116,12 @@ struct Moving {
 /// Parses a number of frames, and the settings of the motion.
 fn moving(text: &str) -> Result<Moving, String> {
     let (frames, settings) = split(text, &["motion", "amplitude", "diameter", "pull"])?;
-    let frames = match frames.parse() {
-        Ok(frames) if frames > 0 => frames,
-        _ => return Err("expected a number of frames, at least 1".into()),
-    };
+    let frames = number(frames, "a number of frames, at least 1", |n: &u64| *n > 0)?;
     // The error of a motion needs no name.
     let motion = parsed(&settings, "motion", |text| Ok(text.parse()))?;
     let motion = motion.unwrap_or(Ok(MotionKind::Smooth.into()));
-    let pull = |text: &str| match text.parse() {
-        Ok(pull) if (1..frames).contains(&pull) => Ok(pull),
-        _ => Err(format!("expected a frame from 1 to {}", frames - 1)),
-    };
+    let expected = format!("a frame from 1 to {}", frames - 1);
+    let pull = |text: &str| number(text, &expected, |n: &u64| (1..frames).contains(n));
     Ok(Moving {
         frames,
         motion: motion.map_err(|e: Error| e.to_string())?,

@@ -1,6 +1,6 @@
 //! The option `--kernel` of `linkwatch certify`.
 
-use super::number::{one_or_more, positive};
+use super::number::{number, one_or_more, positive};
 use super::settings::{parsed, split};
 use linkwatch::kernels::{Accuracy, Method};
 
@@ -38,10 +38,9 @@ pub fn kernel(text: &str) -> Result<Kernel, String> {
 
 /// Parses the order of the fast multipole method.
 fn order(text: &str) -> Result<u32, String> {
-    match text.parse() {
-        Ok(order) if (2..=20).contains(&order) => Ok(order),
-        _ => Err("expected a whole number from 2 to 20".into()),
-    }
+    number(text, "a whole number from 2 to 20", |order| {
+        (2..=20).contains(order)
+    })
 }
 
 #[cfg(test)]

@@ -1,34 +1,41 @@
 //! Numbers on the command line. The parser rejects NaN, infinities and numbers out of range.
 
+use std::str::FromStr;
 use std::time::Duration;
 
 /// Parses a number that fulfils a condition, which `expected` names.
-fn number(text: &str, expected: &str, fits: impl Fn(f64) -> bool) -> Result<f64, String> {
-    match text.parse() {
-        Ok(x) if f64::is_finite(x) && fits(x) => Ok(x),
-        _ => Err(format!("expected {expected}")),
-    }
+pub fn number<T: FromStr>(
+    text: &str,
+    expected: &str,
+    fits: impl FnOnce(&T) -> bool,
+) -> Result<T, String> {
+    let parsed = text.parse().ok().filter(fits);
+    parsed.ok_or_else(|| format!("expected {expected}"))
+}
+
+/// Parses a finite number that fulfils a condition, which `expected` names.
+fn finite(text: &str, expected: &str, fits: impl FnOnce(f64) -> bool) -> Result<f64, String> {
+    number(text, expected, |x: &f64| x.is_finite() && fits(*x))
 }
 
 /// Parses a number above 0.
 pub fn positive(text: &str) -> Result<f64, String> {
-    number(text, "a number above 0", |x| x > 0.0)
+    finite(text, "a number above 0", |x| x > 0.0)
 }
 
 /// Parses a number of at least 1.
 pub fn one_or_more(text: &str) -> Result<f64, String> {
-    number(text, "a number of at least 1", |x| x >= 1.0)
+    finite(text, "a number of at least 1", |x| x >= 1.0)
 }
 
 /// Parses an integer of at least 1.
 pub fn at_least_one(text: &str) -> Result<std::num::NonZeroU64, String> {
-    let parsed = text.parse();
-    parsed.map_err(|_| "expected an integer of at least 1".into())
+    number(text, "an integer of at least 1", |_| true)
 }
 
 /// Parses a number of at least 0.
 pub fn not_negative(text: &str) -> Result<f64, String> {
-    number(text, "a number of at least 0", |x| x >= 0.0)
+    finite(text, "a number of at least 0", |x| x >= 0.0)
 }
 
 /// Parses a size in bytes: `1000000`, `500MB` or `2GiB`.
@@ -55,23 +62,19 @@ pub fn bytes(text: &str) -> Result<u64, String> {
 
 /// Parses a time in seconds.
 pub fn seconds(text: &str) -> Result<Duration, String> {
-    let time = text.parse().map(Duration::try_from_secs_f64);
-    match time {
-        Ok(Ok(time)) => Ok(time),
-        _ => Err("expected seconds, a finite number of at least 0".into()),
-    }
+    let parsed = text.parse().map(Duration::try_from_secs_f64).ok();
+    let time = parsed.and_then(Result::ok);
+    time.ok_or_else(|| "expected seconds, a finite number of at least 0".into())
 }
 
 /// Parses a share: `0.05` or `5%`.
 pub fn share(text: &str) -> Result<f64, String> {
-    let (number, unit) = match text.strip_suffix('%') {
-        Some(number) => (number.trim_end(), 100.0),
+    let (share, unit) = match text.strip_suffix('%') {
+        Some(share) => (share.trim_end(), 100.0),
         None => (text, 1.0),
     };
-    match number.parse::<f64>() {
-        Ok(x) if (0.0..=unit).contains(&x) => Ok(x / unit),
-        _ => Err("expected a number from 0 to 1, or from 0% to 100%".into()),
-    }
+    let expected = "a number from 0 to 1, or from 0% to 100%";
+    Ok(number(share, expected, |x: &f64| (0.0..=unit).contains(x))? / unit)
 }
 
 #[cfg(test)]

@@ -94,9 +94,8 @@ impl Violations {
             };
             let sentence = || match finding {
                 Finding::Change(c) => c.sentence_named(extent, names),
-                Finding::Invariant(c) => c.sentence_named(names),
-                Finding::Defect(d) => report.defect(d, names),
-                Finding::PullThrough(e) | Finding::Unresolved(e) => e.sentence_named(extent, names),
+                Finding::Unresolved(e) => e.sentence_named(extent, names),
+                other => report.sentence_of(other, names),
             };
             match finding {
                 Finding::Invariant(_) => {}

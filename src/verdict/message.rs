@@ -293,14 +293,12 @@ pub(crate) fn words_of_roll_back(
     last_intact: Option<u64>,
     safe_fraction: Option<f64>,
 ) -> Option<String> {
-    let words = format!("frame {} is intact", last_intact?);
-    // Rounded down, as the fraction is.
-    let Some(fraction) = safe_fraction.map(|fraction| (fraction * 1e3).floor() / 1e3) else {
-        return Some(words);
-    };
-    Some(format!(
-        "{words}, and {fraction:.3} of the step from there is safe"
-    ))
+    let safe = safe_fraction.map_or(String::new(), |fraction| {
+        // Rounded down, as the fraction is.
+        let fraction = (fraction * 1e3).floor() / 1e3;
+        format!(", and {fraction:.3} of the step from there is safe")
+    });
+    Some(format!("frame {} is intact{safe}", last_intact?))
 }
 
 /// Returns a count and its noun, in which an asterisk stands for the plural: `link* lost`.
@@ -412,7 +410,7 @@ impl Report {
     }
 
     /// Returns the sentence for a defect.
-    pub(crate) fn defect(&self, defect: &Defect, names: &[String]) -> String {
+    fn defect(&self, defect: &Defect, names: &[String]) -> String {
         let sentence = match self.loops_of(defect.i, defect.j) {
             Some(pair) => {
                 let place = pair.place(&defect.place, self.stats.extent, names);
