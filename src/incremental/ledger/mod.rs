@@ -124,7 +124,7 @@ impl Ledger {
     /// limit. Their results are meaningless then.
     pub fn new(motion_limit: f64, (cancel, limit): (Cancel, PairLimit)) -> Self {
         let mut search = LinkSearch::default();
-        search.limit_to(limit);
+        search.limit = limit;
         Ledger {
             motion_limit,
             trees: SweptTrees::default(),
