@@ -1,10 +1,15 @@
-"""Recordings are read by the Python package `mcap`, which is not ours."""
+"""Recordings are read by the Python package `mcap`, which is not ours, and converted."""
 
+import dataclasses
 import pathlib
+from concurrent.futures import ThreadPoolExecutor
 
+import linkwatch
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
+from test_command import run
 
 RECORDINGS = pathlib.Path(__file__).parents[3] / "recordings"
 
@@ -30,3 +35,29 @@ def test_every_recording_opens(path):
     expected = path.with_suffix(".jsonl").read_text().splitlines()
     assert len(verdicts) == len(expected) > 0
     assert all(verdict.HasField("report") for verdict in verdicts)
+
+
+def test_rollbacks_are_kept_by_conversions_and_not_searched(tmp_path):
+    """Regression test: the step of a rollback was a pull-through in Python and in archives."""
+    strand = np.array([[-2, 0, 0], [0, 0.01, 0], [2, 0, 0]], float)
+    other = strand[:, [1, 0, 2]]
+    heights = [0.4, 0.3, -0.3, -0.4]
+    cuts = [0, 0, 1, 1]
+    frames = [
+        linkwatch.io.Frame(
+            np.concatenate([strand, other + [0, 0, height]]), [3, 3], seq=k, cuts=cuts[k]
+        )
+        for k, height in enumerate(heights)
+    ]
+    paths = [tmp_path / name for name in ("a.npz", "b.mcap", "c.npz")]
+    linkwatch.write(frames, paths[0])
+    for source, target in zip(paths, paths[1:]):
+        assert run("convert", source, target)[0] == 0
+    for path in paths:
+        assert [frame.cuts for frame in linkwatch.read(path)] == cuts
+        assert run("check", path)[0] == 0
+        assert linkwatch.check(path).verdict == "intact"
+    with ThreadPoolExecutor(2) as client:
+        assert linkwatch.check(paths[0], client=client, chunk=1).verdict == "intact"
+    uncut = [dataclasses.replace(frame, cuts=0) for frame in frames]
+    assert linkwatch.check(uncut).verdict == "changed"

@@ -130,6 +130,7 @@ impl<R: Read> ArrayFrames<R> {
         others.labels.check(layout.counts.len())?;
         check_length("times", others.times.as_ref(), layout.frames)?;
         check_length("seq", others.seq.as_ref(), layout.frames)?;
+        check_length("cuts", others.cuts.as_ref(), layout.frames)?;
         if let Some(Cells::Each(cells)) = &others.cells {
             check_length("cell", Some(cells), layout.frames)?;
         }
@@ -183,7 +184,9 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
         let curves = self.curves()?;
         self.next += 1;
         let k = frame as usize;
-        let Others { times, seq, .. } = &self.others;
+        let Others {
+            times, seq, cuts, ..
+        } = &self.others;
         let seq = seq.as_ref().map_or(frame, |seq| seq[k]);
         let cell = self.others.cells.as_ref().map(|cells| match cells {
             Cells::One(cell) => *cell,
@@ -191,6 +194,7 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
         });
         let info = FrameInfo {
             cell,
+            cuts: cuts.as_ref().map_or(0, |cuts| cuts[k]),
             labels: Arc::clone(&self.others.labels),
             left_out: self.others.left_out.clone(),
             closed_by_default: self.layout.closed_by_default,

@@ -16,7 +16,7 @@ const FREE_TEXTS: u64 = 1 << 20;
 
 /// Names of the arrays that are read.
 const READ: &str = "\
-    positions counts basis times seq names radii cell left_out";
+    positions counts basis times seq cuts names radii cell left_out";
 
 /// Names of arrays of vectors that are no points.
 const VECTORS: &str = "\
@@ -69,7 +69,7 @@ fn may_hold_points(array: &Array) -> bool {
 pub(super) fn read(archive: &Archive<impl ReaderAt>) -> Result<Others> {
     let find = |name| Values::find(archive, name);
     let (counts, basis) = (find("counts")?, find("basis")?);
-    let (times, seq) = (find("times")?, find("seq")?);
+    let (times, seq, cuts) = (find("times")?, find("seq")?, find("cuts")?);
     let (names, radii, cell) = (find("names")?, find("radii")?, find("cell")?);
     let rows_of_edges = cell.as_ref().and_then(Values::rows_of_edges);
     let floats = |values: Values| values.floats();
@@ -79,6 +79,7 @@ pub(super) fn read(archive: &Archive<impl ReaderAt>) -> Result<Others> {
         basis: basis.map(|basis| basis.basis()).transpose()?,
         times: times.map(floats).transpose()?,
         seq: seq.map(|seq| seq.increasing()).transpose()?,
+        cuts: cuts.map(|cuts| cuts.integers()).transpose()?,
         labels: CurveLabels::named(names.map_or(Ok(Vec::new()), |names| names.texts())?)
             .with_radii(radii.into_iter().map(|r| r as f32))
             .into(),

@@ -20,6 +20,7 @@
 //! | `basis` | none | `polyline`, `catmull-rom`, `b-spline` or `bezier`, or its index 0 to 3 |
 //! | `times` | frames | times in seconds |
 //! | `seq` | frames | numbers of the frames, increasing; otherwise they are counted from 0 |
+//! | `cuts` | frames | integers: times so far that the simulator rolled back or jumped |
 //! | `names` | curves | texts |
 //! | `radii` | curves | f4 or f8 |
 //! | `cell` | 3, 3 x 3 or 4 x 3, or frames x these | f4 or f8 |
@@ -107,6 +108,7 @@ struct Others {
     basis: Option<Basis>,
     times: Option<Vec<f64>>,
     seq: Option<Vec<u64>>,
+    cuts: Option<Vec<u32>>,
     labels: Arc<CurveLabels>,
     cells: Option<Cells>,
     /// Number of frames for which the cell may be meant as one row of edges each.

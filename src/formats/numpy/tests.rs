@@ -623,6 +623,13 @@ fn small_arrays_of_wrong_types_and_lengths_are_refused() {
             "array seq): frame 7 after frame 7",
         ),
         (
+            "cuts",
+            "|u1",
+            "(2,)",
+            &[0, 1],
+            "array cuts): 2 values for 1 frames",
+        ),
+        (
             "names",
             "|S1",
             "(2,)",

@@ -150,6 +150,7 @@ pub(in crate::formats) struct NpzFile {
     stream: Stream,
     labels: Arc<CurveLabels>,
     seq: Vec<u64>,
+    cuts: Vec<u32>,
     times: Vec<f64>,
     /// Cells of all frames so far; empty if the frames have none.
     cells: Vec<Cell>,
@@ -168,6 +169,7 @@ impl NpzFile {
             stream: Stream::create(path, set, lead)?,
             labels: frame.info.labels.clone(),
             seq: Vec::new(),
+            cuts: Vec::new(),
             times: Vec::new(),
             cells: Vec::new(),
             left_out: Vec::new(),
@@ -179,6 +181,7 @@ impl NpzFile {
     /// Adds what a frame has besides its positions.
     fn add(&mut self, frame: &ModelFrame) {
         self.seq.push(frame.info.seq);
+        self.cuts.push(frame.info.cuts);
         self.times.push(frame.info.time);
         self.cells.extend(frame.info.cell);
         LeftOut::merge(&mut self.left_out, &frame.info.left_out);
@@ -232,6 +235,8 @@ impl FrameSink for NpzFile {
         let radii = flat(labels.radii.iter().map(|r| r.to_le_bytes()));
         let times = flat((self.times.iter().filter(|_| timed)).map(|t| t.to_le_bytes()));
         let seq = flat((self.seq.iter().filter(|_| numbered)).map(|n| n.to_le_bytes()));
+        let is_cut = self.cuts.iter().any(|cuts| *cuts != self.cuts[0]);
+        let cuts = flat((self.cuts.iter().filter(|_| is_cut)).map(|n| n.to_le_bytes()));
         let cell = flat(rows.flatten().map(f64::to_le_bytes));
         let frames = self.seq.len();
         let arrays = [
@@ -243,6 +248,7 @@ impl FrameSink for NpzFile {
             ("times", "<f8", list(frames), times),
             ("cell", "<f8", cell_shape, cell),
             ("seq", "<u8", list(frames), seq),
+            ("cuts", "<u4", list(frames), cuts),
         ];
         // An array without values is not needed.
         for (name, descr, shape, values) in arrays.into_iter().filter(|a| !a.3.is_empty()) {

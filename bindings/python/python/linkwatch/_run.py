@@ -527,8 +527,10 @@ class Checker:
         self._state: bytes | None = None
         #: Description of the curves of the last frame, and of the last verified one.
         self._described: Any = None
+        #: Cuts before the last verified frame.
+        self._cuts: int | None = None
         if state is not None:
-            self._state, self._described = state
+            self._state, (self._described, self._cuts) = state
         self._verified = self._described
 
     def step(self, frame: Frame, *, begins_part: bool = False) -> Report:
@@ -552,11 +554,13 @@ class Checker:
             self._described = described
         if begins_part:
             raw.begin_part()
+        elif self._cuts not in (None, frame.cuts):
+            raw.cut()
         cell = None if frame.cell is None else arguments.twelve(frame.cell)
         points, counts = arguments.frame(frame.positions, frame.counts, None)
         report = raw.step(points, counts, frame.time, (frame.seq, cell, frame.rejected))
         if report.rejected is None:
-            self._verified = described
+            self._verified, self._cuts = described, frame.cuts
         return report
 
     def verify(self, frames: Iterable[Frame]) -> None:
@@ -573,7 +577,7 @@ class Checker:
         """Returns the state after the last frame, and a hash of what findings depend on."""
         assert self.session is not None
         state, number = self.session._session.state()
-        return (state, self._verified), number
+        return (state, (self._verified, self._cuts)), number
 
 
 def ahead(frames: Iterable[Frame]) -> Iterator[Frame]:

@@ -47,6 +47,9 @@ class Frame:
     rejected: str | None = None
     #: True if curves are closed only because nothing says which ones are.
     closed_by_default: bool = False
+    #: Number of times so far that the simulator rolled back or jumped: no pull-throughs are searched
+    #: for in the step to a frame in which it differs from the one before.
+    cuts: int = 0
 
     @property
     def closed(self) -> list[bool]:

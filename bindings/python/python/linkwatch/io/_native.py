@@ -72,7 +72,7 @@ def _opened(archive: Path, path: Path, invalid: list[dict[str, Any]]) -> Frames:
         names = [str(name) for name in arrays["names"]] if "names" in arrays else []
         radii = arrays["radii"].tolist() if "radii" in arrays else []
         basis = str(arrays["basis"])
-        others = {key: arrays[key] for key in ("times", "seq", "cell") if key in arrays}
+        others = {key: arrays[key] for key in ("times", "seq", "cell", "cuts") if key in arrays}
     positions = _mapped(archive)
     summary = Summary(len(counts), int((counts < 0).sum()))
     cell = others.get("cell")
@@ -102,6 +102,7 @@ def _opened(archive: Path, path: Path, invalid: list[dict[str, Any]]) -> Frames:
                 None if cell is None else cell[k] if cell.ndim == 3 else cell,
                 seq,
                 float(others["times"][k]) if "times" in others else 0.0,
+                cuts=int(others["cuts"][k]) if "cuts" in others else 0,
             )
             # A time that is not finite is null in JSON.
             at = frame.time if why is None or why["time"] is None else why["time"]

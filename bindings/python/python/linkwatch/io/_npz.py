@@ -101,6 +101,7 @@ class _Part:
             self.counts, _, _ = _linkwatch.decided_counts(*arguments.raw(first), True)
         self.spool = tempfile.TemporaryFile(dir=path.parent)
         self.seqs: list[int] = []
+        self.cuts: list[int] = []
         self.times: list[float] = []
         self.cells: list[npt.NDArray[Any]] = []
         self.radii = np.zeros(len(first.radii))
@@ -122,6 +123,7 @@ class _Part:
             raise ValueError("frames with a periodic cell and others without one")
         self.spool.write(np.ascontiguousarray(points).data)
         self.seqs.append(frame.seq)
+        self.cuts.append(frame.cuts)
         self.times.append(frame.time)
         cell = first.cell if frame.cell is None else frame.cell
         if cell is not None:
@@ -138,6 +140,8 @@ class _Part:
             "seq": np.array(self.seqs, np.uint64),
             "times": np.array(self.times, float),
         }
+        if len(set(self.cuts)) > 1:
+            arrays["cuts"] = np.array(self.cuts, np.uint32)
         if first.names:
             arrays["names"] = first.names
         if first.radii:
