@@ -168,9 +168,7 @@ impl<R: ReaderAt> Archive<R> {
                  compressed size: store it without compression (`np.savez`)"
             )));
         }
-        let (mut content, mut bytes) = (self.content(member)?, Vec::new());
-        let place = format_args!("array {name}");
-        fill(&mut content, size as usize, &mut bytes, place, 0)?;
-        Ok(bytes)
+        let mut content = self.content(member)?;
+        fill(&mut content, size as usize, format_args!("array {name}"), 0)
     }
 }

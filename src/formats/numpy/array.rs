@@ -36,7 +36,7 @@ pub(super) struct Array {
     pub shape: Vec<u64>,
 }
 
-/// Reads `len` bytes into `bytes`. The memory is that of the bytes that are there.
+/// Reads `len` bytes. The memory is that of the bytes that are there.
 ///
 /// # Errors
 ///
@@ -44,13 +44,12 @@ pub(super) struct Array {
 pub(super) fn fill(
     input: &mut impl Read,
     len: usize,
-    bytes: &mut Vec<u8>,
     place: impl Display,
     more: u64,
-) -> Result<()> {
-    bytes.clear();
-    let what = match input.take(len as u64).read_to_end(bytes) {
-        Ok(n) if n == len => return Ok(()),
+) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let what = match input.take(len as u64).read_to_end(&mut bytes) {
+        Ok(n) if n == len => return Ok(bytes),
         Ok(n) => {
             let missing = (len - n) as u64 + more;
             format!("the file ends, {missing} bytes are missing")
@@ -68,31 +67,25 @@ impl Array {
     /// Parses the header of an array of `len` bytes in total.
     pub fn parse(input: &mut impl Read, len: u64, name: &str) -> Result<Array> {
         let bad = |what: &dyn Display| Error::format(FORMAT, format_args!("array {name}"), what);
-        let mut bytes = Vec::new();
-        let mut read = |n: usize, bytes: &mut Vec<u8>| {
-            let place = format_args!("header of array {name}");
-            fill(input, n, bytes, place, 0)
-        };
-        read(8, &mut bytes)?;
-        if &bytes[..6] != b"\x93NUMPY" {
-            let found = quote(&bytes[..6]);
+        let mut read = |n| fill(input, n, format_args!("header of array {name}"), 0);
+        let start = read(8)?;
+        if &start[..6] != b"\x93NUMPY" {
+            let found = quote(&start[..6]);
             return Err(bad(&format_args!(
                 "{found}, expected the magic bytes of an array"
             )));
         }
-        let length_bytes = match bytes[6] {
+        let length_bytes = match start[6] {
             1 => 2,
             2 | 3 => 4,
             other => return Err(bad(&format_args!("version {other}, expected 1, 2 or 3"))),
         };
-        read(length_bytes, &mut bytes)?;
-        let header_len = little_endian(&bytes) as usize;
+        let header_len = little_endian(&read(length_bytes)?) as usize;
         if header_len > MAX_HEADER {
             let what = format!("a header of {header_len} bytes, expected at most {MAX_HEADER}");
             return Err(bad(&what));
         }
-        read(header_len, &mut bytes)?;
-        let array = Array::of_header(&bytes, name)?;
+        let array = Array::of_header(&read(header_len)?, name)?;
         let values = len.saturating_sub((8 + length_bytes + header_len) as u64);
         let promised = (array.shape.iter())
             .try_fold(u128::from(array.size), |n, &d| n.checked_mul(u128::from(d)));

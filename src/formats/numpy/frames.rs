@@ -159,12 +159,12 @@ impl<R: Read> ArrayFrames<R> {
         };
         let basis = self.others.basis.unwrap_or(Basis::Polyline);
         let mut built = CurveSet::builder_of(basis, precision, &self.layout.counts);
-        let (mut left, mut chunk) = (self.layout.frame_bytes, Vec::new());
+        let mut left = self.layout.frame_bytes;
         while left > 0 {
             let bytes = left.min(3 * CHUNK * precision.bytes());
             left -= bytes;
             let place = format_args!("frame {}", self.next);
-            fill(&mut self.input, bytes, &mut chunk, place, left as u64)?;
+            let mut chunk = fill(&mut self.input, bytes, place, left as u64)?;
             self.array.to_little_endian(&mut chunk);
             built = built.and_then(|mut builder| {
                 with_positions(precision, &chunk, |positions| builder.push(positions))?;

@@ -176,13 +176,11 @@ impl Values {
 
     /// Returns the number of rows of a cell that may also be edges of as many frames.
     fn rows_of_edges(&self) -> Option<u64> {
-        match self.array.shape[..] {
-            [rows @ (3 | 4), 3] => {
-                let is_positive = self.floats().ok()?.iter().all(|&x| x > 0.0);
-                is_positive.then_some(rows)
-            }
-            _ => None,
-        }
+        let [rows @ (3 | 4), 3] = self.array.shape[..] else {
+            return None;
+        };
+        let is_positive = self.floats().ok()?.iter().all(|&x| x > 0.0);
+        is_positive.then_some(rows)
     }
 
     /// Returns a cell for all frames, or for each one.
