@@ -132,7 +132,8 @@ impl Cell {
     /// lengths.
     pub(crate) fn units(&self) -> Point {
         let longest = self.vectors.map(norm).into_iter().fold(0.0, f64::max);
-        self.periodic().map(|is| if is { 1.0 } else { longest })
+        let unit = |periodic| if periodic { 1.0 } else { longest };
+        self.periodic().map(unit)
     }
 
     /// Returns this cell with the basis of its lattice that is nearest to another cell: a

@@ -34,9 +34,9 @@ use std::collections::{BTreeMap, VecDeque};
 pub(crate) type Entry = (ImagePair, Option<i64>);
 
 /// Entries of each curve: the other curve, its translation, and the linking number.
-pub(super) type Neighbours = Vec<Vec<(u32, Image, Option<i64>)>>;
+type Neighbours = Vec<Vec<(u32, Image, Option<i64>)>>;
 
-pub(super) fn neighbours(curves: usize, entries: &[Entry]) -> Neighbours {
+fn neighbours(curves: usize, entries: &[Entry]) -> Neighbours {
     let mut of = vec![Vec::new(); curves];
     for &(ImagePair { i, j, image }, lambda) in entries {
         // The images of a curve itself keep their names.

@@ -187,8 +187,8 @@ impl<T: Copy + Into<f64>> ReadKnots for Computed<'_, T> {
     }
 }
 
-/// Spreads positions, `x y z x y z ..`, over three arrays, with the slots around them ([`finish_curve`]). Returns the
-/// largest magnitude.
+/// Spreads positions, `x y z x y z ..`, over three arrays, with the slots around the points of each
+/// curve ([`finish_curve`]). Returns the largest magnitude.
 #[inline(always)]
 fn write_curves<T: Scalar>(
     dst: &mut [Vec<T>; 3],

@@ -1,5 +1,6 @@
-//! Lower bounds of the gap between two segments, and of the components of vectors along an axis; the
-//! typical clearance of the curves of a scene, which determines the reach of its reference frame.
+//! Lower bounds of the gap between two segments, and of the components of vectors along an axis;
+//! the typical clearance of the curves of a scene, which determines the reach of its reference
+//! frame.
 
 use crate::curve::vector::{add_scaled, distance, dot, per_axis, sub};
 use crate::curve::{Box3, BoxGroup, Point};
