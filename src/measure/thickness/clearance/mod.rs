@@ -345,6 +345,11 @@ impl ClearanceMonitor {
 
     /// Returns what depends on the curves only, and checks their radii.
     fn prepare(&mut self, set: &CurveSet, cell: Option<&Cell>) -> Result<Layout> {
+        // Displacements of larger ones may overflow.
+        if set.max_abs() > LARGEST {
+            let what = format!("of coordinates above {LARGEST:e}");
+            return Err(Error::unsupported("clearance", what));
+        }
         let shape = set.shape();
         if self.layout.as_ref().is_some_and(|l| l.shape != shape) {
             self.forget();

@@ -1,6 +1,5 @@
 //! Pairs of near blocks, and how far they may move before they must be measured again.
 
-use super::LARGEST;
 use super::blocks::{BlockPair, Blocks, CHUNK};
 use super::lattice::{Lattice, LatticeMotion};
 use super::motion::{Displacements, Rigid, Step};
@@ -142,14 +141,10 @@ impl NearList {
     ///
     /// # Errors
     ///
-    /// [`Error::Unsupported`] if there are too many, or coordinates are too large;
-    /// [`Error::Usage`] if curves span too many cells.
+    /// [`Error::Unsupported`] if there are too many; [`Error::Usage`] if curves span too many cells.
     pub fn build(strands: &Strands<'_>, reach: Reach, search: &mut LinkSearch) -> Result<NearList> {
         let (set, radii, blocks) = (strands.set, strands.radii, &strands.layout.blocks);
         let unsupported = |what: String| Error::unsupported("clearance", what);
-        if set.max_abs() > LARGEST {
-            return Err(unsupported(format!("of coordinates above {LARGEST:e}")));
-        }
         // Rounding of single-precision boxes.
         let rounding = set.max_abs() * pow2(-22);
         let bounds = |block: u32| {

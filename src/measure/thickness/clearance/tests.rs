@@ -426,6 +426,25 @@ fn the_clearance_of_many_moving_strands_is_that_of_all_pairs() {
     }
 }
 
+/// Displacements of such coordinates may be NaN, which bounds of the motion would ignore.
+#[test]
+fn a_later_frame_with_coordinates_that_are_too_large_is_refused() {
+    let ring = lattice_of_rings(0.0);
+    let counts: Vec<i32> = ring.counts().collect();
+    let mut xyz: Vec<f64> = (0..ring.len())
+        .flat_map(|i| ring.points_in(i))
+        .flatten()
+        .collect();
+    xyz[0] = 1e200;
+    let far = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
+    let mut monitor = ClearanceMonitor::new(ClearanceOptions::new(Some(0.1)));
+    for seq in 0..3 {
+        let _ = monitor.measure(&ring, None, seq).unwrap();
+    }
+    let refused = monitor.measure(&far, None, 3).unwrap_err().to_string();
+    assert!(refused.contains("coordinates above 1e30"), "{refused}");
+}
+
 #[test]
 fn a_radius_that_makes_all_strands_close_is_refused() {
     let mut random = Random::new(5);
