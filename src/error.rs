@@ -176,8 +176,8 @@ pub enum Error {
     },
     /// A frame is compared with a baseline in which a curve is closed, but has that curve open.
     #[error(
-        "curve {curve} is closed in the baseline, which has linking numbers or invariants of it, but \
-         open in this frame: it cannot be verified with this baseline"
+        "curve {curve} is closed in the baseline, which has linking numbers or invariants of it, \
+         but open in this frame: it cannot be verified with this baseline"
     )]
     OpenInFrame {
         /// Curve, from 0.

@@ -171,8 +171,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     failed.map_or(Ok(outcome), Err)
 }
 
-/// Reads frames up to the second one that will be verified, since rejected ones have no influence on
-/// others. Returns the places of both.
+/// Reads frames up to the second one that will be verified, since rejected ones have no influence
+/// on others. Returns the places of both.
 fn first_step(
     frames: &mut Sequence,
     start: &mut Vec<Result<Frame>>,

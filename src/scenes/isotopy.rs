@@ -57,8 +57,8 @@ pub(super) struct Isotopy(pub Vec<Shear>);
 
 impl Isotopy {
     /// Returns waves along the diagonal of the xy plane that move points up and down, followed by
-    /// waves along z that move them along the diagonal, with the wavelength, the slope and the phase
-    /// of each.
+    /// waves along z that move them along the diagonal, with the wavelength, the slope and the
+    /// phase of each.
     pub fn crossed(waves: [[f64; 3]; 2]) -> Isotopy {
         let diagonal = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
         let up = [0.0, 0.0, 1.0];

@@ -164,7 +164,8 @@ impl Session {
     /// # Errors
     ///
     /// [`Error::CertificateMismatch`] if the given baseline has another number of curves;
-    /// [`Error::OpenInFrame`] if it links a curve that is open; [`Error::NothingClosed`] if no curve is closed and pull-throughs are off, since nothing
+    /// [`Error::OpenInFrame`] if a curve is closed there, but open in the frame;
+    /// [`Error::NothingClosed`] if no curve is closed and pull-throughs are off, since nothing
     /// would be verified; [`Error::Braid`] if the first frame breaks a condition of the braids. All
     /// frames of the same curves would fail in the same way. [`Error::Cancelled`] after
     /// [`Progress::cancel`]; [`Error::Forked`].

@@ -17,8 +17,8 @@ struct Atom {
 }
 
 impl<R: BufRead> XyzFrames<R> {
-    /// Reads the atoms of a frame: the curves, and their numbers if a column has them. The inner result
-    /// is that of this frame alone.
+    /// Reads the atoms of a frame: the curves, and their numbers if a column has them. The inner
+    /// result is that of this frame alone.
     ///
     /// # Errors
     ///

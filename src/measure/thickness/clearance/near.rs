@@ -141,7 +141,8 @@ impl NearList {
     ///
     /// # Errors
     ///
-    /// [`Error::Unsupported`] if there are too many; [`Error::Usage`] if curves span too many cells.
+    /// [`Error::Unsupported`] if there are too many; [`Error::Usage`] if curves span too many
+    /// cells.
     pub fn build(strands: &Strands<'_>, reach: Reach, search: &mut LinkSearch) -> Result<NearList> {
         let (set, radii, blocks) = (strands.set, strands.radii, &strands.layout.blocks);
         let unsupported = |what: String| Error::unsupported("clearance", what);

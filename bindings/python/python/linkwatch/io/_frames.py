@@ -47,8 +47,8 @@ class Frame:
     rejected: str | None = None
     #: True if curves are closed only because nothing says which ones are.
     closed_by_default: bool = False
-    #: Number of times so far that the simulator rolled back or jumped: no pull-throughs are searched
-    #: for in the step to a frame in which it differs from the one before.
+    #: Number of times so far that the simulator rolled back or jumped. The step to a frame in which
+    #: it differs is not searched for pull-throughs.
     cuts: int = 0
 
     @property
