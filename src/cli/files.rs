@@ -157,10 +157,10 @@ pub fn write_whole(
         }
         return write(path).map_err(|e| of_output(e, path, path));
     }
-    // A symbolic link is kept: the file that it names is replaced.
+    // A symbolic link is kept; its target is replaced.
     let file = resolve(path);
     let part = part_of(&file);
-    // The temporary file may not exist.
+    // Ignores the error, because the temporary file may be missing.
     let remove = |_: &Error| drop(std::fs::remove_file(&part));
     let written = write(&part).map_err(|e| of_output(e, &part, path));
     written.inspect_err(remove)?;

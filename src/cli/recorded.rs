@@ -5,29 +5,24 @@ use super::source::Source;
 use crate::record::CUT_OFF;
 use linkwatch::formats::ModelFrame;
 use linkwatch::{Ending, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, Result, Verdict};
-use std::collections::VecDeque;
 use std::path::Path;
 
 /// Frames of a recording with what the simulator told about them: cell, cuts, layout, names, radii
 /// and time step.
 ///
-/// A frame that was rejected when it was recorded is an invalid frame. Missing frames are a gap
-/// before the next one; if the recorder dropped them, they are an error at the end, too.
+/// A frame that was rejected when it was recorded is an invalid frame. Frames that were left out on
+/// purpose are a gap before the next one; frames that the recorder dropped are an error at the end.
 #[derive(Default)]
 pub struct Recorded {
     /// `None` after the end, and after an error.
     source: Option<Source>,
-    /// Last frame with curves, until its verdict is read, which tells of frames before it.
-    waiting: Option<ModelFrame>,
+    /// Number of the last frame with curves, until its verdict is read.
+    frame: Option<u64>,
     /// Numbers of frames that had a verdict, and that were left out on purpose, when the last
     /// verdict was written.
     answered: Option<u64>,
     left_out: u64,
-    /// Frames, and errors, that were read already.
-    ready: VecDeque<Result<ModelFrame>>,
-    /// True if a frame was read.
-    begun: bool,
-    /// True if frames before the next one are missing.
+    /// True if frames before the next one were left out.
     after_gap: bool,
     /// Number of frames without curves that were left out, and that the recorder dropped.
     absent: u64,
@@ -44,6 +39,7 @@ impl Recorded {
     }
 
     fn frame(&mut self, frame: RecordedFrame) -> ModelFrame {
+        self.frame = Some(frame.seq);
         let mut set = None;
         let curves = frame.ingest(&mut set);
         let curves = curves.map(|()| set.expect("set by a frame without errors"));
@@ -53,11 +49,10 @@ impl Recorded {
         }
     }
 
-    /// Passes on the frame of a verdict. Counts frames before it that are missing.
-    fn verdict(&mut self, recorded: RecordedVerdict) {
+    /// Returns the frame of a verdict if that was rejected. Counts frames that are missing.
+    fn verdict(&mut self, recorded: RecordedVerdict) -> Option<ModelFrame> {
         let RecordedVerdict { report, progress } = recorded;
-        let frame = self.waiting.take_if(|frame| frame.info.seq == report.seq);
-        self.ready.extend(self.waiting.take().map(Ok));
+        let has_curves = self.frame.take() == Some(report.seq);
         let answered = progress.verified.saturating_add(progress.rejected);
         let before = self.answered.replace(answered);
         let missing = before.map_or(0, |before| {
@@ -65,26 +60,16 @@ impl Recorded {
         });
         let left_out = progress.left_out.saturating_sub(self.left_out);
         self.left_out = self.left_out.max(progress.left_out);
-        self.absent += missing.min(left_out);
         self.dropped += missing.saturating_sub(left_out);
-        let frame = match frame {
-            Some(mut frame) => {
-                frame.after_gap |= missing > 0;
-                frame
-            }
-            None if report.verdict == Verdict::Rejected => {
-                self.after_gap |= missing > 0;
-                let why = report.rejected.unwrap_or_else(|| "invalid".into());
-                let why = usage!("rejected when it was recorded: {why}");
-                ModelFrame::of(FrameInfo::at(report.seq, report.time), Err(why))
-            }
-            None => {
-                self.after_gap = true;
-                self.absent += 1;
-                return;
-            }
-        };
-        self.ready.push_back(Ok(frame));
+        if report.verdict == Verdict::Rejected && !has_curves {
+            let why = report.rejected.unwrap_or_else(|| "invalid".into());
+            let why = usage!("rejected when it was recorded: {why}");
+            let info = FrameInfo::at(report.seq, report.time);
+            return Some(ModelFrame::of(info, Err(why)));
+        }
+        self.after_gap |= !has_curves;
+        self.absent += missing.min(left_out) + u64::from(!has_curves);
+        None
     }
 
     /// Returns the end of the recording, which is an error if it was cut off.
@@ -123,29 +108,23 @@ impl Iterator for Recorded {
 
     fn next(&mut self) -> Option<Result<ModelFrame>> {
         loop {
-            if let Some(ready) = self.ready.pop_front() {
-                return Some(ready);
-            }
-            let item = self.source.as_mut()?.next();
-            if !matches!(item, Ok(Some(RecordedItem::Verdict(_)))) {
-                // It has no verdict.
-                self.ready.extend(self.waiting.take().map(Ok));
-            }
-            match item {
-                Ok(Some(RecordedItem::Frame(frame))) => self.waiting = Some(self.frame(frame)),
-                Ok(Some(RecordedItem::Verdict(recorded))) => self.verdict(*recorded),
-                // A later baseline marks frames that are not in the recording.
-                Ok(Some(RecordedItem::Baseline(_))) => self.after_gap = self.begun,
-                Ok(None) => {
-                    let end = self.end();
-                    self.ready.extend(end);
+            match self.source.as_mut()?.next() {
+                Ok(Some(RecordedItem::Frame(frame))) => return Some(Ok(self.frame(frame))),
+                Ok(Some(RecordedItem::Verdict(recorded))) => {
+                    if let Some(rejected) = self.verdict(*recorded) {
+                        return Some(Ok(rejected));
+                    }
                 }
+                // A later baseline marks frames that are not in the recording.
+                Ok(Some(RecordedItem::Baseline(_))) => {
+                    self.after_gap |= self.answered.is_some() || self.frame.is_some();
+                }
+                Ok(None) => return self.end(),
                 Err(e) => {
                     self.source = None;
-                    self.ready.push_back(Err(e));
+                    return Some(Err(e));
                 }
             }
-            self.begun |= self.waiting.is_some() || !self.ready.is_empty();
         }
     }
 }
@@ -205,7 +184,7 @@ mod tests {
     #[test]
     fn frames_that_the_recorder_dropped_are_an_error_at_the_end() {
         let found = read(&[(0, true, 1), (1, true, 2), (5, true, 6), (6, true, 7)]);
-        let frames = [0, 1, 5, 6].map(|seq| Ok((seq, seq == 5)));
+        let frames = [0, 1, 5, 6].map(|seq| Ok((seq, false)));
         assert_eq!(found[..4], frames);
         let error = found[4].as_ref().unwrap_err();
         assert!(error.contains("3 frames missing"), "{error}");

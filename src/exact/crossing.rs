@@ -157,14 +157,15 @@ impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
     }
 
     /// Evaluates [`crossing`] for eight pairs at once, in floating point only. A lane is decided
-    /// only if the bounds of all determinants that it needs are met.
+    /// only if every determinant that it needs exceeds its error bound.
     #[inline(always)]
     pub fn evaluate(&self) -> BatchOutcome {
         self.evaluate_rounded::<false>(0.0)
     }
 
-    /// Same as [`Batch::evaluate`] if `ROUNDED`, for coordinates that are rounded by at most
-    /// `rounding`: a decided lane has the result of the exact coordinates.
+    /// Same as [`Batch::evaluate`], but allows for rounded coordinates if `ROUNDED` is true: each
+    /// may be off by at most `rounding`, and a decided lane has the result of the exact
+    /// coordinates. If `ROUNDED` is false, `rounding` is ignored.
     ///
     /// # Derivation of the bounds
     ///

@@ -49,7 +49,7 @@ const FREE_FORM: [&str; 2] = ["free-form curve", "free-form curves"];
 /// Share of the range of knots up to which a difference is rounding of their decimals.
 const ROUNDED: f64 = 1e-5;
 
-/// A polyline of more than two vertices, as a range of the indices.
+/// A polyline, as a range of the indices of the file.
 struct Curve {
     indices: Range<usize>,
     closed: bool,

@@ -38,7 +38,7 @@ pub(super) struct LinkRow {
     pub frames: u64,
 }
 
-/// A pair without a linking number, or with an undecided step.
+/// Defect of a pair: it has no linking number, or its pull-throughs in a step are undecided.
 #[derive(Clone, Debug, serde::Serialize)]
 pub(super) struct DefectRow {
     pub kind: DefectKind,
@@ -49,18 +49,20 @@ pub(super) struct DefectRow {
     pub sentence: String,
 }
 
-/// Violation of a pair of curves, or of a curve and an image of another one or of itself.
+/// Violation of a pair of curves. In a periodic cell, the second one may be an image, also of the
+/// first curve itself.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub(super) struct Violation {
     pub curves: [u32; 2],
     /// Translation of the second curve, in lattice vectors.
     pub image: Image,
-    /// Names of both curves, if they have some.
+    /// Names of both curves; `None` if they have none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub names: Option<[String; 2]>,
     pub link: Option<LinkRow>,
     pub defect: Option<DefectRow>,
     pub pull_throughs: u64,
+    /// Number of possible pull-throughs that are not resolved, because the frames are too far apart.
     pub unresolved: u64,
     #[serde(skip)]
     pub shot: Option<Shot>,

@@ -27,12 +27,12 @@ pub(crate) use x86::{avx2, avx512, prefetch};
 mod other {
     use super::Portable;
 
-    /// AVX2 does not exist on this architecture.
+    /// Returns `None`, because this architecture has no AVX2.
     pub fn avx2() -> Option<Portable> {
         None
     }
 
-    /// AVX-512 does not exist on this architecture.
+    /// Returns `None`, because this architecture has no AVX-512.
     pub fn avx512() -> Option<Portable> {
         None
     }
@@ -43,8 +43,8 @@ mod other {
 #[cfg(not(target_arch = "x86_64"))]
 pub(crate) use other::{avx2, avx512, prefetch};
 
-/// Number of lanes: of numbers that are processed at once, of boxes in a group, and of children of
-/// a tree node.
+/// Number of lanes of a vector. Groups of boxes and the children of a tree node have the same
+/// number.
 pub(crate) const LANES: usize = 8;
 
 /// A row of eight lanes.

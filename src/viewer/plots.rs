@@ -95,10 +95,11 @@ fn describe_line(rec: &RecordingStream, (path, color, name): Series) -> Result<(
     log_static(rec, path, &style)
 }
 
-/// Logs the values of series in a frame; NaN, which is not drawn, if one has none.
+/// Logs one value per series for a frame. A series without a value gets NaN, which the viewer does
+/// not draw.
 ///
 /// Every frame logs all series, because the viewer reports an error for a series that has data, but
-/// none on the timeline that is shown.
+/// no data on the displayed timeline.
 fn plot<const N: usize>(
     rec: &RecordingStream,
     series: [Series; N],

@@ -8,6 +8,7 @@ use super::range::Range;
 use super::run::{Judge, Judged, JunitArgs, PATIENT, Run, Setup, Sinks};
 use super::source::{Source, warn_of_cut};
 use super::{Outcome, braid_args, signals, stream};
+use crate::record::CUT_OFF;
 use linkwatch::{
     BaselineRecord, Braids, Error, Events, Received, RecordedItem, RecordedVerdict, Report, Result,
     Retention, Verdict,
@@ -125,7 +126,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     read.map_or(Ok(()), Err)?;
     let (mut run, comparison) = (replay.run, replay.comparison);
     if warn_of_cut(&source) {
-        run.cut_off("the recording that was replayed has no end");
+        run.data_lost();
+        if source.reader.metadata().contains_key(CUT_OFF) {
+            run.cut_off("the run that was replayed has no end");
+        }
     }
     if replay.missing > 0 {
         tracing::warn!(
@@ -254,9 +258,6 @@ impl Replay<'_> {
         while let Some(next) = self.waiting.pop_front() {
             match next {
                 Waiting::Frame(frame) => {
-                    if self.is_after_dropped_frames() {
-                        self.run.begin_again(None);
-                    }
                     let judged = self.run.judge(*frame)?;
                     self.last = Some(Arc::clone(&judged.report));
                     self.run.publish(judged);
@@ -265,18 +266,6 @@ impl Replay<'_> {
             }
         }
         Ok(())
-    }
-
-    /// Returns true if the next verdict says that the recorder dropped frames before this one.
-    fn is_after_dropped_frames(&self) -> bool {
-        let (Some(Waiting::Verdict(next)), Some(before)) = (self.waiting.front(), self.answered)
-        else {
-            return false;
-        };
-        let progress = &next.progress;
-        let answered = progress.verified.saturating_add(progress.rejected);
-        let left_out = progress.left_out.saturating_sub(self.comparison.left_out);
-        answered.saturating_sub(before) > left_out.saturating_add(1)
     }
 
     /// Begins again after frames that the recorder left out on purpose.

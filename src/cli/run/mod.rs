@@ -442,7 +442,8 @@ impl Run {
         let unsearched = (open > 0 || through > 0) && steps;
         let alone = tally.verified == 1 && self.sum.only_open;
         let itself = options.events == Events::All && tally.verified > 1;
-        if tally.verified > 0 && !(self.sum.has_pairs || knots || itself || alone) {
+        let compared = tally.verified > 1 || tally.verified == 1 && baseline.is_some();
+        if compared && !(self.sum.has_pairs || knots || itself || alone) {
             tracing::warn!(
                 "nothing was verified: one curve alone has no linking number, and pull-throughs of \
                  a curve with itself are searched for by --events=all"

@@ -109,8 +109,8 @@ impl Follower<'_> {
             let Ok(Some(id)) = met else {
                 drop(sidecar);
                 closer.add(Outcome::undecided_if(self.lost));
-                let done = met.is_ok() && !self.is_stopped();
-                return self.end(closer, first, done, met);
+                let is_complete = met.is_ok() && !self.is_stopped();
+                return self.end(closer, first, is_complete, met);
             };
             let mut run = match first.take().map_or_else(|| self.next(), Ok) {
                 Ok(run) => run,
@@ -144,13 +144,13 @@ impl Follower<'_> {
             if fatal || !self.args.keep_watching {
                 // Sends the goodbye, so that a simulator does not wait for the sinks to finish.
                 drop(sidecar);
-                // The next process continues after the last frame.
+                // With --state, the next process continues after the last frame.
                 if matches!(&ended, Ok(End::Signal))
                     && let Err(e) = self.state.keep(|| run.state())
                 {
                     tracing::error!("{e}");
                 }
-                // In any case, the frames verified so far are kept and summarised.
+                // In any case, the outputs are closed, and the summary is printed.
                 return self.end(closer, Some(run), is_complete, ended);
             }
             if let Err(e) = ended {
@@ -164,13 +164,14 @@ impl Follower<'_> {
         }
     }
 
-    /// Ends the watch, and closes its last session. The next process continues it unless it is
-    /// `done`: it is not after a signal or an error. `ended` is the result of the last session.
+    /// Ends the watch, and closes its last session. If `is_complete` is false, after a signal or an
+    /// error, the state files are kept, so that the next process can continue. `ended` is the result
+    /// of the last session.
     fn end<T>(
         mut self,
         mut closer: Closer,
         last: Option<Box<Run>>,
-        done: bool,
+        is_complete: bool,
         ended: Result<T>,
     ) -> Result<Outcome> {
         if let Some(run) = last {
@@ -180,7 +181,7 @@ impl Follower<'_> {
         if earlier == Outcome::Changed {
             tracing::warn!("this watch found a change before it was started again");
         }
-        match done {
+        match is_complete {
             true => self.state.end(),
             false => self.state.stop(worst),
         }?;

@@ -6,7 +6,7 @@ use super::vector::{dot, sub};
 use super::{CurveSet, Point};
 
 /// Minimum number of segments on each side of a place that belong to its surroundings. A chain of
-/// beads turns at every bead.
+/// beads turns at every bead, so a sharp turn within them does not end the feature.
 const LEAST: usize = 3;
 
 /// Maximum number of segments on each side that are visited.
@@ -16,9 +16,10 @@ const MOST: usize = 2000;
 /// display.
 const SAMPLES: usize = 16;
 
-/// Returns the size of the feature of curve `i` to which segment `s` belongs: the distance to the
-/// points where the curve has turned by a right angle, or where it ends. `None` if there is no such
-/// segment, or without extent.
+/// Returns the size of the feature of curve `i` around segment `s`: the largest distance from the
+/// middle of the segment to a point of the curve, on each side up to the place where the curve has
+/// turned by a right angle, ends, or has [`MOST`] segments. `None` if the segment does not exist, or
+/// the size is 0 or not finite.
 pub(crate) fn feature(set: &CurveSet, i: u32, s: u32) -> Option<f64> {
     let (i, s) = (i as usize, s as usize);
     let curve = set.curves().get(i)?;
