@@ -84,8 +84,7 @@ pub(crate) fn parse_invariant(
 fn add(to: &mut HigherInvariants, fields: &[&str], curves: usize) -> Option<()> {
     let curve = |text: &&str| text.parse().ok().filter(|&i: &u32| (i as usize) < curves);
     if let [i, UNDEFINED] = fields {
-        to.unknown.insert(curve(i)?);
-        return Some(());
+        return to.unknown.insert(curve(i)?).then_some(());
     }
     let (of, count) = match to.kind {
         InvariantKind::Curve => (1, 4),

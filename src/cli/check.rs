@@ -187,11 +187,17 @@ fn first_step(
     let counts =
         |frame: &Frame| -> Vec<i32> { frame.curves.iter().flat_map(CurveSet::counts).collect() };
     let mut first = None;
+    let mut cuts = 0;
     for (k, frame) in frames.take(MOST_AHEAD).enumerate() {
         start.push(frame);
         let Some(Ok(frame)) = start.last() else {
             continue;
         };
+        // The step to such a frame is not searched.
+        if frame.begins_run || frame.after_gap || frame.info.cuts != cuts {
+            first = None;
+        }
+        cuts = frame.info.cuts;
         match first {
             _ if !is_valid(frame) => {}
             None => first = Some((k, counts(frame))),

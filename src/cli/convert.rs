@@ -145,6 +145,8 @@ struct Converter {
     invalid: Vec<Invalid>,
     /// Elements of the files that were not read.
     left_out: Vec<LeftOut>,
+    /// Number of gaps in a recording so far, which are cuts in the output.
+    gaps: u32,
     /// Number of frames whose cell the output cannot hold.
     lost_cells: u64,
     /// Number of points of all frames before and after the conversion.
@@ -188,9 +190,16 @@ impl Converter {
             if !self.is_valid(&frame) {
                 continue;
             }
-            LeftOut::merge(&mut self.left_out, &frame.info.left_out);
+            let mut info = frame.info;
+            self.gaps += u32::from(frame.after_gap);
+            info.cuts = info.cuts.wrapping_add(self.gaps);
+            if frame.after_gap {
+                let kind = ["gap in a recording", "gaps in a recording"];
+                info.left_out.push(LeftOut::new(1, kind, &frame.name));
+            }
+            LeftOut::merge(&mut self.left_out, &info.left_out);
             let holds_cells = self.target.is_none_or(Format::holds_cells);
-            if let Some(cell) = frame.info.cell.filter(|_| !holds_cells) {
+            if let Some(cell) = info.cell.filter(|_| !holds_cells) {
                 if self.lost_cells == 0 {
                     tracing::warn!(
                         "{}: the output cannot hold its periodic cell, which is lost; give it with \
@@ -209,7 +218,7 @@ impl Converter {
             }
             self.points[1] += curves.points() as u64;
             self.frames += 1;
-            if let Some((curves, info)) = waiting.replace((curves, frame.info)) {
+            if let Some((curves, info)) = waiting.replace((curves, info)) {
                 write(curves, self.with_invalid(info))?;
             }
         }

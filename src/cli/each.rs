@@ -172,8 +172,9 @@ impl Lines {
         let lines = whole.lines().map(serde_json::from_str::<Line>);
         let lines = lines.collect::<Result<Vec<Line>, _>>().ok();
         let lines = lines.filter(|_| rest.is_empty() || rest.starts_with('{'));
-        let lines =
-            lines.ok_or_else(|| usage!("not written by --each: --resume leaves it as it is"))?;
+        let lines = lines.ok_or_else(|| {
+            usage!("the file has lines that --each did not write, so --resume does not change it")
+        })?;
         file.set_len(whole.len() as u64)?;
         let done = lines.into_iter().filter(|line| line.error.is_none());
         let done = done.map(|line| (line.file, (line.code, line.key)));

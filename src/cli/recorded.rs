@@ -22,10 +22,13 @@ pub struct Recorded {
     /// verdict was written.
     answered: Option<u64>,
     left_out: u64,
+    /// True if a frame was read that was not rejected.
+    begun: bool,
     /// True if frames before the next one were left out.
     after_gap: bool,
-    /// Number of frames without curves that were left out, and that the recorder dropped.
+    /// Number of frames whose curves were left out on purpose.
     absent: u64,
+    /// Number of frames that the recorder dropped.
     dropped: u64,
 }
 
@@ -39,6 +42,7 @@ impl Recorded {
     }
 
     fn frame(&mut self, frame: RecordedFrame) -> ModelFrame {
+        self.begun = true;
         self.frame = Some(frame.seq);
         let mut set = None;
         let curves = frame.ingest(&mut set);
@@ -67,6 +71,7 @@ impl Recorded {
             let info = FrameInfo::at(report.seq, report.time);
             return Some(ModelFrame::of(info, Err(why)));
         }
+        self.begun = true;
         self.after_gap |= !has_curves;
         self.absent += missing.min(left_out) + u64::from(!has_curves);
         None
@@ -77,7 +82,8 @@ impl Recorded {
         let Source { path, reader, .. } = self.source.take()?;
         if self.absent > 0 {
             tracing::warn!(
-                "{}: the curves of {} are not in the recording, which left them out",
+                "{}: the curves of {} were left out of the recording; the steps over them are \
+                 not searched for pull-throughs",
                 path.display(),
                 plural(self.absent, "frame"),
             );
@@ -117,7 +123,7 @@ impl Iterator for Recorded {
                 }
                 // A later baseline marks frames that are not in the recording.
                 Ok(Some(RecordedItem::Baseline(_))) => {
-                    self.after_gap |= self.answered.is_some() || self.frame.is_some();
+                    self.after_gap |= self.begun;
                 }
                 Ok(None) => return self.end(),
                 Err(e) => {

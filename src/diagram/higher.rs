@@ -44,8 +44,8 @@ pub(crate) struct HigherInvariants {
     pub kind: InvariantKind,
     /// One curve or three, sorted, and their numbers, if they are not trivial.
     pub numbers: Vec<(Vec<u32>, HigherNumbers)>,
-    /// Curves whose numbers are not known, because they touch a curve or are too close to one: for
-    /// triples another one, since passages of a curve through itself do not change them.
+    /// Curves whose numbers are not known, because they touch a curve or are too close to one. For
+    /// triples, only contacts with other curves count.
     pub unknown: BTreeSet<u32>,
 }
 

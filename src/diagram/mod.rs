@@ -353,15 +353,16 @@ struct Between<'a> {
 
 impl<'a> Between<'a> {
     fn new(set: &'a CurveSet) -> Between<'a> {
-        match homotopic_polylines(set) {
-            Ok(made) if !set.basis().is_polyline() => Between {
-                polylines: Cow::Owned(made.curves),
-                too_close: made.too_close,
-            },
-            _ => Between {
+        if set.basis().is_polyline() {
+            return Between {
                 polylines: Cow::Borrowed(set),
                 too_close: Vec::new(),
-            },
+            };
+        }
+        let made = homotopic_polylines(set).expect("fewer points than u32 can count");
+        Between {
+            polylines: Cow::Owned(made.curves),
+            too_close: made.too_close,
         }
     }
 

@@ -263,7 +263,7 @@ impl Monitor {
     /// Returns the linking numbers of the reference frame, and their comparison with the baseline.
     pub fn reference_result(&self) -> Option<(&Arc<Certificate>, &Comparison)> {
         let reference = self.reference.as_ref()?;
-        Some((&reference.certificate, &reference.comparison))
+        Some((&reference.certificate, reference.comparison.as_ref()?))
     }
 
     /// Returns bounds of the curves of a frame, if it is the current one, it is quiet, and the
@@ -318,7 +318,7 @@ impl Monitor {
         if let Some(reference) = &mut self.reference {
             // Cannot fail: both have the same number of curves.
             if let Ok(comparison) = reference.certificate.compare(baseline) {
-                reference.comparison = comparison;
+                reference.comparison = Some(comparison);
             }
         }
     }
@@ -355,7 +355,7 @@ impl Monitor {
         // The earliest frame that can use it is the one after it.
         self.build_frames = self.frame - reference.frame - 1;
         // Certificates with different numbers of curves cannot be compared.
-        reference.comparison = reference.certificate.compare(baseline).ok()?;
+        reference.comparison = Some(reference.certificate.compare(baseline).ok()?);
         reference.given.same_layout(set).then_some(reference)
     }
 

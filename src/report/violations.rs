@@ -62,7 +62,7 @@ pub(super) struct Violation {
     pub link: Option<LinkRow>,
     pub defect: Option<DefectRow>,
     pub pull_throughs: u64,
-    /// Number of possible pull-throughs that are not resolved, because the frames are too far apart.
+    /// Number of pull-throughs that are not resolved, because the frames are too far apart.
     pub unresolved: u64,
     #[serde(skip)]
     pub shot: Option<Shot>,

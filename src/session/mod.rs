@@ -231,6 +231,12 @@ impl Session {
         }
     }
 
+    /// Says that the given baseline is of the same run, in which a curve may have been opened.
+    #[cfg(feature = "cli")]
+    pub(crate) fn trust_baseline(&mut self) {
+        self.engine.trusts_baseline = true;
+    }
+
     /// Begins another part of the same run, of which frames before it were left out: the next frame
     /// is compared with this baseline, and may have other curves than the last one.
     pub fn begin_part(&mut self, baseline: Certificate) {

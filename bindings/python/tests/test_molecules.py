@@ -315,6 +315,21 @@ def test_models_that_only_end_separates_are_frames(tmp_path, cells):
         assert (frame.cell is not None) == (cells > 0)
 
 
+def test_copies_of_files_with_equal_names_are_apart(tmp_path):
+    """Regression test: the last one was read in place of all."""
+    made = universe(frames=3)
+    top = save(made, tmp_path / "top.pdb", bonds="all")
+    paths = [tmp_path / name / "run.pdb" for name in "ab"]
+    for k, path in enumerate(paths):
+        path.parent.mkdir()
+        lines = save(made, tmp_path / "a.pdb", bonds=None).read_text().splitlines(keepends=True)
+        atoms = [line for line in lines if line.startswith("ATOM")]
+        frames = [atoms[:24], atoms[24:48]] if k == 0 else [atoms[24:48], atoms[48:]]
+        path.write_text("".join("".join([*frame, "END\n"]) for frame in frames))
+    x = [frame.positions[0, 0] for frame in linkwatch.read(top, *paths)]
+    np.testing.assert_allclose(np.diff(x), [0.1, 0, 0.1], atol=1e-2)
+
+
 @pytest.mark.parametrize("edges", [[40.0, 50, 60], np.diag([40.0, 50, 60])])
 def test_h5md_files_may_have_one_cell_for_all_frames(tmp_path, edges):
     """Regression test: they were refused."""

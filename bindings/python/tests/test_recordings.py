@@ -61,3 +61,24 @@ def test_rollbacks_are_kept_by_conversions_and_not_searched(tmp_path):
         assert linkwatch.check(paths[0], client=client, chunk=1).verdict == "intact"
     uncut = [dataclasses.replace(frame, cuts=0) for frame in frames]
     assert linkwatch.check(uncut).verdict == "changed"
+
+
+def test_gaps_of_recordings_are_not_searched_and_said(tmp_path):
+    """Regression test: a conversion lost them, and the step over a gap was a pull-through."""
+    strand = np.array([[-2, 0, 0], [0, 0.01, 0], [2, 0, 0]], float)
+    other = strand[:, [1, 0, 2]]
+    # Around the end of the strand, up and down.
+    around = [(0, 1), (3, 1), (3, -1), (0, -1), (0, -1.1), (0, -1.2), (0, -1.3)]
+    frames = [np.concatenate([strand, other + [x, 0, z]]) for x, z in around]
+    made = [linkwatch.io.Frame(frame, [3, 3], seq=k) for k, frame in enumerate(frames)]
+    (path,) = linkwatch.write(made, tmp_path / "a.npz")
+    thin, again = tmp_path / "b.mcap", tmp_path / "c.npz"
+    assert run("check", path, "--record", f"{thin},every=3")[0] == 0
+    code, out, _ = run("check", thin)
+    assert code == 3
+    assert "not verified: pull-throughs in 2 gaps of the recording" in out
+    assert run("convert", thin, again)[0] == 3
+    assert run("check", again)[0] == 3
+    for source in (thin, again):
+        found = linkwatch.check(source)
+        assert (found.verdict, len(found.pull_throughs)) == ("incomplete", 0)

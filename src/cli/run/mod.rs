@@ -172,6 +172,7 @@ impl Run {
     pub fn new(judge: &Judge, sinks: &Sinks, mut files: Files, mut setup: Setup) -> Result<Run> {
         sinks.check_files(&mut files)?;
         let junit = setup.junit.open(&mut files, &setup.title)?;
+        let is_recorded = setup.baseline.is_some() && judge.baseline.is_none();
         let baseline = judge.baseline(setup.baseline.take())?;
         let mut options = judge.options(&mut setup.metadata)?;
         if !setup.full {
@@ -184,8 +185,12 @@ impl Run {
         let mut sum = Summary::default();
         sum.unresolved.limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
         let queues = sinks.open(&setup, options.clearance);
+        let mut session = Session::new(options.clone())?;
+        if is_recorded {
+            session.trust_baseline();
+        }
         Ok(Run {
-            session: Session::new(options.clone())?,
+            session,
             queues: queues?,
             options,
             cell_args: judge.cell_args,

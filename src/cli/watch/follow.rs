@@ -165,8 +165,8 @@ impl Follower<'_> {
     }
 
     /// Ends the watch, and closes its last session. If `is_complete` is false, after a signal or an
-    /// error, the state files are kept, so that the next process can continue. `ended` is the result
-    /// of the last session.
+    /// error, the state files are kept, so that the next process can continue. `ended` is the
+    /// result of the last session.
     fn end<T>(
         mut self,
         mut closer: Closer,

@@ -18,8 +18,8 @@ const SAMPLES: usize = 16;
 
 /// Returns the size of the feature of curve `i` around segment `s`: the largest distance from the
 /// middle of the segment to a point of the curve, on each side up to the place where the curve has
-/// turned by a right angle, ends, or has [`MOST`] segments. `None` if the segment does not exist, or
-/// the size is 0 or not finite.
+/// turned by a right angle, ends, or has [`MOST`] segments. `None` if the segment does not exist,
+/// or the size is 0 or not finite.
 pub(crate) fn feature(set: &CurveSet, i: u32, s: u32) -> Option<f64> {
     let (i, s) = (i as usize, s as usize);
     let curve = set.curves().get(i)?;

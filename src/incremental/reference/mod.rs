@@ -32,8 +32,8 @@ pub(super) struct Reference {
     /// Pairs for which the allowances are valid.
     pub coverage: Coverage,
     pub certificate: Arc<Certificate>,
-    /// Its comparison with the baseline, which the monitor makes.
-    pub comparison: Comparison,
+    /// Its comparison with the baseline, once the monitor has made it.
+    pub comparison: Option<Comparison>,
     /// Number of the frame, counted by the monitor.
     pub frame: u64,
     /// Bounds of the control points of each given curve, and of all.
@@ -100,7 +100,7 @@ impl Reference {
             cell: subject.cell().copied(),
             coverage,
             certificate,
-            comparison: Comparison::default(),
+            comparison: None,
             frame,
             sample,
             allowances,

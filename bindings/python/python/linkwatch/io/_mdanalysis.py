@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import warnings
 import weakref
@@ -38,10 +39,21 @@ COUNTED = ("steps of the simulation", "frames")
 
 def read(paths: Sequence[Path], options: Options) -> Frames:
     """Opens a topology and trajectories; the first file is the topology."""
+    with contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix="linkwatch-")))
+        frames = _opened(paths, options, folder)
+        if any(folder.iterdir()):
+            # Copies are read until the frames are gone.
+            weakref.finalize(frames, stack.pop_all().close)
+    return frames
+
+
+def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
     mda = library("MDAnalysis", "mdanalysis")
     given, paths = paths, [paths[0], *_in_order(paths[1:])]
-    folder = TemporaryDirectory(prefix="linkwatch-")
-    topology, *trajectories = (str(as_mdanalysis_reads(one, Path(folder.name))) for one in paths)
+    # Files of several folders may have the same name.
+    read = [str(as_mdanalysis_reads(one, folder / str(k))) for k, one in enumerate(paths)]
+    topology, *trajectories = read
     # MDAnalysis goes by the suffix, of which H5MD and dumps of LAMMPS have several.
     ways: list[dict[str, Any]] = [{}]
     for path in paths[1:]:
@@ -68,16 +80,14 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
     known = (hasattr(universe.atoms, name) for name in ("bonds", "names", "types"))
     if len(paths) == 1 and not any(known):
         raise ValueError(
-            f"{topology}: a trajectory alone does not say which atoms form a curve: give its "
-            f"topology before it, such as melt.psf {topology}"
+            f"{paths[0]}: a trajectory alone does not say which atoms form a curve: give its "
+            f"topology before it, such as melt.psf {paths[0]}"
         )
     check_ends(paths[1:] or paths, trajectory)
     notes = []
     if paths != [*given]:
         notes.append("trajectories follow one another by the numbers in their names")
-    frames = frames_of_atoms(atoms, options, trajectory, paths[0], notes)
-    weakref.finalize(frames, folder.cleanup)
-    return frames
+    return frames_of_atoms(atoms, options, trajectory, paths[0], notes)
 
 
 def _in_order(paths: Sequence[Path]) -> Sequence[Path]:

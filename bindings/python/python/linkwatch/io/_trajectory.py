@@ -142,17 +142,19 @@ def as_mdanalysis_reads(path: Path, folder: Path) -> Path:
     found = path
     if path.suffix.lower() in PDB:
         with open(path, encoding="latin-1") as file:
-            lines = file.readlines()
-        words = [line[:6].strip() for line in lines]
-        if words.count("END") > 1 and "MODEL" not in words:
-            found = folder / path.name
-            found.write_text("".join(_with_models(lines)), "latin-1")
-    elif path.suffix.lower() in H5MD:
-        h5py = library("h5py", "mdanalysis")
+            ends = [word for line in file if (word := line[:6].strip()) in ("END", "MODEL")]
+            if ends.count("END") > 1 and "MODEL" not in ends:
+                file.seek(0)
+                folder.mkdir()
+                found = folder / path.name
+                with open(found, "w", encoding="latin-1") as made:
+                    made.writelines(_with_models(file))
+    elif path.suffix.lower() in H5MD and (h5py := library("h5py", "mdanalysis")).is_hdf5(path):
         with h5py.File(path) as given:
             groups = given.get("particles", {})
             fixed = [name for name in groups if isinstance(_edges(groups[name]), h5py.Dataset)]
             if fixed:
+                folder.mkdir()
                 found = folder / path.name
                 with h5py.File(found, "w") as made:
                     _link(given, made, leave=["particles"])
@@ -170,9 +172,11 @@ def _with_models(lines: Iterable[str]) -> Iterator[str]:
         if not is_open and word in ("CRYST1", "ATOM", "HETATM"):
             model, is_open = model + 1, True
             yield f"MODEL     {model:4}\n"
-        if word == "END":
+        if word != "END":
+            yield line
+        elif is_open:
             is_open = False
-        yield "ENDMDL\n" if word == "END" else line
+            yield "ENDMDL\n"
     if is_open:
         yield "ENDMDL\n"
 
