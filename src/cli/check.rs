@@ -172,7 +172,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 }
 
 /// Reads frames up to the second one that will be verified, since rejected ones have no influence
-/// on others. Returns the places of both.
+/// on others. Returns the places of both, if the step between them is searched.
 fn first_step(
     frames: &mut Sequence,
     start: &mut Vec<Result<Frame>>,
@@ -186,24 +186,27 @@ fn first_step(
     };
     let counts =
         |frame: &Frame| -> Vec<i32> { frame.curves.iter().flat_map(CurveSet::counts).collect() };
-    let mut first = None;
-    let mut cuts = 0;
+    let mut first: Option<(usize, Vec<i32>, u32)> = None;
+    // True if a step that is not searched lies between the two.
+    let mut apart = false;
     for (k, frame) in frames.take(MOST_AHEAD).enumerate() {
         start.push(frame);
         let Some(Ok(frame)) = start.last() else {
             continue;
         };
-        // The step to such a frame is not searched.
-        if frame.begins_run || frame.after_gap || frame.info.cuts != cuts {
-            first = None;
-        }
-        cuts = frame.info.cuts;
-        match first {
+        apart |= frame.begins_run || frame.after_gap;
+        match &first {
             _ if !is_valid(frame) => {}
-            None => first = Some((k, counts(frame))),
+            None => {
+                first = Some((k, counts(frame), frame.info.cuts));
+                apart = false;
+            }
             // Curves with names may come and go.
-            Some((j, before)) if !frame.info.labels.names.is_empty() || counts(frame) == before => {
-                return Some([j, k]);
+            Some((j, before, cuts))
+                if !frame.info.labels.names.is_empty() || counts(frame) == *before =>
+            {
+                apart |= frame.info.cuts != *cuts;
+                return (!apart).then_some([*j, k]);
             }
             Some(_) => {}
         }
@@ -224,7 +227,7 @@ fn are_far_apart(cell_args: &CellArgs, step: [&Result<Frame>; 2]) -> bool {
     let lengths = motion(from, to, cell.as_ref()).unwrap_or(0.0);
     let is_far = lengths > SessionOptions::MOTION_LIMIT;
     // Without closed curves there is nothing else to verify.
-    let compares = is_far && !second.begins_run && from.curves().iter().any(|curve| curve.closed);
+    let compares = is_far && from.curves().iter().any(|curve| curve.closed);
     if compares {
         tracing::warn!(
             "{} and {} are far apart: half of the points moved by {lengths:.1} segment lengths or \

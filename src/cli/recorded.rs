@@ -2,7 +2,7 @@
 
 use super::output::{count, plural};
 use super::source::Source;
-use crate::record::CUT_OFF;
+use crate::record::{CUT_OFF, MissingFrames};
 use linkwatch::formats::ModelFrame;
 use linkwatch::{Ending, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, Result, Verdict};
 use std::path::Path;
@@ -18,10 +18,7 @@ pub struct Recorded {
     source: Option<Source>,
     /// Number of the last frame with curves, until its verdict is read.
     frame: Option<u64>,
-    /// Numbers of frames that had a verdict, and that were left out on purpose, when the last
-    /// verdict was written.
-    answered: Option<u64>,
-    left_out: u64,
+    missing: MissingFrames,
     /// True if a frame was read that was not rejected.
     begun: bool,
     /// True if frames before the next one were left out.
@@ -57,14 +54,8 @@ impl Recorded {
     fn verdict(&mut self, recorded: RecordedVerdict) -> Option<ModelFrame> {
         let RecordedVerdict { report, progress } = recorded;
         let has_curves = self.frame.take() == Some(report.seq);
-        let answered = progress.verified.saturating_add(progress.rejected);
-        let before = self.answered.replace(answered);
-        let missing = before.map_or(0, |before| {
-            answered.saturating_sub(before.saturating_add(1))
-        });
-        let left_out = progress.left_out.saturating_sub(self.left_out);
-        self.left_out = self.left_out.max(progress.left_out);
-        self.dropped += missing.saturating_sub(left_out);
+        let gap = self.missing.before(&progress);
+        self.dropped += gap.dropped;
         if report.verdict == Verdict::Rejected && !has_curves {
             let why = report.rejected.unwrap_or_else(|| "invalid".into());
             let why = usage!("rejected when it was recorded: {why}");
@@ -73,7 +64,7 @@ impl Recorded {
         }
         self.begun = true;
         self.after_gap |= !has_curves;
-        self.absent += missing.min(left_out) + u64::from(!has_curves);
+        self.absent += gap.frames - gap.dropped + u64::from(!has_curves);
         None
     }
 

@@ -2,7 +2,7 @@
 //! triples of curves. They are part of a certificate, and are compared as linking numbers are.
 
 use super::groups::{closed_curves, near_groups};
-use super::{Between, Diagram};
+use super::{Diagram, LinkHomotopic};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use crate::verdict::{Defect, InvariantChange};
@@ -79,7 +79,7 @@ impl HigherInvariants {
                     .extend(defects.iter().map(|defect: &Defect| defect.i));
             }
             InvariantKind::Triple => {
-                let polylines = Between::new(set);
+                let polylines = LinkHomotopic::new(set);
                 let groups = near_groups(set, &closed).into_par_iter();
                 let found: Vec<_> = groups.map(|group| triples(&polylines, group)).collect();
                 for (triples, of_group) in found {
@@ -197,7 +197,7 @@ impl HigherInvariants {
 /// Returns the triple linking numbers of a group of curves, without curves that touch another one,
 /// and the defects of these curves.
 fn triples(
-    polylines: &Between,
+    polylines: &LinkHomotopic,
     mut group: Vec<u32>,
 ) -> (Vec<(Vec<u32>, HigherNumbers)>, Vec<Defect>) {
     let mut defects = Vec::new();

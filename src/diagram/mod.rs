@@ -341,26 +341,26 @@ impl Diagram {
     }
 }
 
-/// Curves for diagrams of the crossings of different curves alone, which define linking numbers and
-/// triple linking numbers: neither changes if a curve passes through itself (Milnor 1954, *Link
-/// groups*).
-struct Between<'a> {
+/// Polylines for diagrams without the crossings of a curve with itself. Linking numbers and triple
+/// linking numbers do not need these: neither changes if a curve passes through itself (Milnor
+/// 1954, *Link groups*).
+struct LinkHomotopic<'a> {
     /// Polylines that are link homotopic to the curves.
     polylines: Cow<'a, CurveSet>,
     /// Pairs of splines that are too close for that.
     too_close: Vec<Defect>,
 }
 
-impl<'a> Between<'a> {
-    fn new(set: &'a CurveSet) -> Between<'a> {
+impl<'a> LinkHomotopic<'a> {
+    fn new(set: &'a CurveSet) -> LinkHomotopic<'a> {
         if set.basis().is_polyline() {
-            return Between {
+            return LinkHomotopic {
                 polylines: Cow::Borrowed(set),
                 too_close: Vec::new(),
             };
         }
         let made = homotopic_polylines(set).expect("fewer points than u32 can count");
-        Between {
+        LinkHomotopic {
             polylines: Cow::Owned(made.curves),
             too_close: made.too_close,
         }
@@ -370,14 +370,15 @@ impl<'a> Between<'a> {
     ///
     /// # Errors
     ///
-    /// Those of [`Diagram::of`], for pairs of curves.
+    /// The [`Defect`] of two segments of different curves that share a point, of two splines that
+    /// are too close, or of a curve with fewer than three distinct vertices.
     fn diagram(&self, curves: &[u32]) -> Result<Diagram, Defect> {
         let has = |i: u32| curves.contains(&i);
         let mut too_close = self.too_close.iter();
         if let Some(defect) = too_close.find(|d| has(d.i) && d.j.is_some_and(has)) {
             return Err(*defect);
         }
-        let code = project::project(&self.polylines, curves, Crossings::Between)?;
+        let code = project::project(&self.polylines, curves, Crossings::OfDifferentCurves)?;
         Ok(Diagram::new(curves, code))
     }
 }

@@ -82,8 +82,8 @@ struct EdgeCrossing {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Crossings {
     All,
-    /// Those of different curves. A curve may touch itself.
-    Between,
+    /// Only crossings of different curves. A curve may touch itself.
+    OfDifferentCurves,
 }
 
 /// Edges of the curves, without those of length 0.
@@ -310,7 +310,7 @@ impl Edges {
         let curve = |e: u32| self.origin[e as usize].0;
         pairs.retain(|&(g, h)| match self.kind {
             Crossings::All => self.next[g as usize] != h && self.next[h as usize] != g,
-            Crossings::Between => curve(g) != curve(h),
+            Crossings::OfDifferentCurves => curve(g) != curve(h),
         });
         let pairs = pairs.par_iter().with_min_len(PART);
         let found = pairs.filter_map(|&(g, h)| self.crossing([g, h]).transpose());

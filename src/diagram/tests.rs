@@ -585,7 +585,10 @@ fn triples_need_the_crossings_of_different_curves_only() {
         let basis = [Basis::Polyline, Basis::CatmullRom][random.below(2usize)];
         let set = CurveSet::from_counts(basis, &counts, Positions::F64(&xyz)).unwrap();
         let all: Vec<u32> = (0..curves as u32).collect();
-        let (whole, between) = (Diagram::of(&set, &all), Between::new(&set).diagram(&all));
+        let (whole, between) = (
+            Diagram::of(&set, &all),
+            LinkHomotopic::new(&set).diagram(&all),
+        );
         if let Ok(whole) = whole {
             let between = between.expect("curves that touch nothing");
             assert_eq!(between.links(), whole.links(), "{case}");

@@ -56,16 +56,8 @@ impl Engine {
                             make one with the cell";
                 return Err(Error::Usage(what.into()));
             }
-            _ => {}
-        }
-        if let (Some(given), None) = (&known.given, &self.options.braids)
-            && !self.trusts_baseline
-            && let Some(curve) = given.closed_curve_that(|i| !next.curves.curve(i as usize).closed)
-        {
-            return Err(Error::OpenInFrame { curve });
-        }
-        if let Some(cell) = next.cell {
-            self.align_baseline(known, next, cell)?;
+            (_, Some(cell)) => self.align_baseline(known, next, cell)?,
+            (_, None) => {}
         }
         if let (Some(braids), None) = (&self.options.braids, &known.braids) {
             let scene = BraidScene::new(braids, next.curves)?;

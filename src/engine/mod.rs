@@ -59,8 +59,6 @@ pub(crate) struct Engine {
     /// Options, without the baseline.
     options: SessionOptions,
     known: Known,
-    /// True if the baseline is of the same run: a curve may have been opened since.
-    pub trusts_baseline: bool,
     /// Pairs of curves that are verified; `None`: all.
     filter: Option<PairFilter>,
     full: FullRun,
@@ -135,7 +133,6 @@ impl Engine {
                 ..Known::default()
             },
             options,
-            trusts_baseline: false,
             filter: None,
             full,
             monitor: Monitor::new(steps.coverage(), None),

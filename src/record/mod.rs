@@ -8,12 +8,16 @@
 
 mod file;
 mod messages;
+#[cfg(feature = "cli")]
+mod missing;
 mod reader;
 mod retention;
 mod schema;
 mod writer;
 
 pub use crate::formats::container::Ending;
+#[cfg(feature = "cli")]
+pub(crate) use missing::MissingFrames;
 pub use reader::{RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
 #[cfg(feature = "cli")]
 pub use retention::with_suffix;

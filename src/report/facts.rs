@@ -8,7 +8,9 @@ use crate::curve::{CurveLabels, Image, Notation};
 use crate::error::Result;
 use crate::incremental::Events;
 use crate::picture::svg::plain;
-use crate::record::{CUT_OFF, Ending, RecordedItem, RecordedVerdict, RecordingReader, Retention};
+use crate::record::{
+    CUT_OFF, Ending, MissingFrames, RecordedItem, RecordedVerdict, RecordingReader, Retention,
+};
 use crate::verdict::{DefectKind, LeftOut, Report, Spot, Stats, Verdict};
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
@@ -152,7 +154,10 @@ impl Facts {
     ///
     /// The file is damaged before its first verdict. Later damage is a fact.
     pub fn collect<R: Read + Seek>(reader: &mut RecordingReader<R>) -> Result<Facts> {
-        let mut collector = Collector::default();
+        let mut collector = Collector {
+            missing: MissingFrames::of_no_frames(),
+            ..Collector::default()
+        };
         let damage = loop {
             match reader.next_item() {
                 Ok(Some(item)) => collector.add(item),
@@ -245,8 +250,7 @@ struct Collector {
     rejected: u64,
     /// Number of frames with each verdict in the current violation.
     violation: Option<[u64; 6]>,
-    /// Number of frames that had a verdict when the last one was written.
-    answered: u64,
+    missing: MissingFrames,
 }
 
 impl Collector {
@@ -295,13 +299,10 @@ impl Collector {
         LeftOut::merge(&mut facts.left_out, &report.left_out);
         let ordinal = self.frame.take_if(|(seq, _)| *seq == report.seq);
         let ordinal = ordinal.map(|(_, ordinal)| ordinal);
-        let answered = progress.verified.saturating_add(progress.rejected);
-        let left_out = progress.left_out.saturating_sub(facts.counts.left_out);
-        facts.counts.left_out += left_out;
-        let missing = answered.saturating_sub(self.answered.saturating_add(1));
-        let missing = missing.saturating_sub(left_out);
+        let gap = self.missing.before(&progress);
+        facts.counts.left_out = self.missing.left_out;
+        let missing = gap.dropped;
         let skipped = progress.skipped.saturating_sub(facts.counts.skipped);
-        self.answered = answered;
         let moment = Moment::of(&report);
         let counts = &mut facts.counts;
         counts.missing = counts.missing.saturating_add(missing);

@@ -42,7 +42,6 @@ impl Begun {
         }
         let mut engine = Engine::new(options)?;
         engine.share_progress(session.engine.progress());
-        engine.trusts_baseline = session.engine.trusts_baseline || matches!(begin, Begin::Part(_));
         if let Begin::Part(_) = begin {
             engine.continue_after(&session.engine);
         }

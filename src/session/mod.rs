@@ -231,12 +231,6 @@ impl Session {
         }
     }
 
-    /// Says that the given baseline is of the same run, in which a curve may have been opened.
-    #[cfg(feature = "cli")]
-    pub(crate) fn trust_baseline(&mut self) {
-        self.engine.trusts_baseline = true;
-    }
-
     /// Begins another part of the same run, of which frames before it were left out: the next frame
     /// is compared with this baseline, and may have other curves than the last one.
     pub fn begin_part(&mut self, baseline: Certificate) {
@@ -344,6 +338,17 @@ impl Session {
         }
     }
 
+    /// Fails if a curve of the first frame is open, but closed in the given baseline.
+    fn check_closed(&self, set: &CurveSet) -> Result<()> {
+        let baseline = self.options.baseline.as_ref();
+        let baseline = baseline.filter(|baseline| baseline.curves == set.len());
+        // Loops of braids have numbers under the names of open curves.
+        let baseline = baseline.filter(|_| self.options.braids.is_none());
+        let is_open = |i: u32| !set.curve(i as usize).closed;
+        let curve = baseline.and_then(|baseline| baseline.closed_curve_that(is_open));
+        curve.map_or(Ok(()), |curve| Err(Error::OpenInFrame { curve }))
+    }
+
     /// Verifies valid curves. Returns the report, and the curves for outputs.
     fn try_to_verify(
         &mut self,
@@ -361,6 +366,9 @@ impl Session {
             (false, true) => Continuation::Cut,
             (false, false) => Continuation::Continues,
         };
+        if last.is_none() && !matches!(self.next, Next::Part(_)) {
+            self.check_closed(&given)?;
+        }
         let begin = match (&self.next, last) {
             (Next::Part(baseline), _) => Some(Begin::Part(baseline)),
             (Next::ByInfo | Next::Cut, None) if self.fits_the_first_frame(info) => None,

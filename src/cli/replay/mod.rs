@@ -8,7 +8,7 @@ use super::range::Range;
 use super::run::{Judge, Judged, JunitArgs, PATIENT, Run, Setup, Sinks};
 use super::source::{Source, warn_of_cut};
 use super::{Outcome, braid_args, signals, stream};
-use crate::record::CUT_OFF;
+use crate::record::{CUT_OFF, MissingFrames};
 use linkwatch::{
     BaselineRecord, Braids, Error, Events, Received, RecordedItem, RecordedVerdict, Report, Result,
     Retention, Verdict,
@@ -43,7 +43,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut source = Source::open(&args.file)?;
     let name = args.file.display().to_string();
     let (baseline, mut before) = read_start(&mut source)?;
-    let mut answered = Some(0);
+    let mut missing = MissingFrames::of_no_frames();
     let begin = baseline.as_ref().and_then(|baseline| baseline.frame);
     let mut left_out = false;
     // Windows have baselines of their own, which must be read.
@@ -54,7 +54,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     {
         // These are read again if they are in the range.
         before.clear();
-        (left_out, answered) = (skipped > 0, None);
+        (left_out, missing.answered) = (skipped > 0, None);
     }
     // Available after the first item was read.
     let recorded_metadata = source.reader.metadata().clone();
@@ -86,8 +86,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         },
         waiting: VecDeque::new(),
         last: None,
-        answered,
-        missing: 0,
+        missing,
+        dropped: 0,
         begin,
         motion: recorded_metadata.get("events").is_some_and(|e| e != off),
         every: recorded_metadata.contains_key(Retention::EVERY),
@@ -131,11 +131,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             run.cut_off("the run that was replayed has no end");
         }
     }
-    if replay.missing > 0 {
+    if replay.dropped > 0 {
         tracing::warn!(
             "{name}: {} missing: verified, but not recorded, because the disk of the recorder was \
              too slow",
-            plural(replay.missing, "frame"),
+            plural(replay.dropped, "frame"),
         );
         run.cut_off("frames are missing in the recording that was replayed");
     }
@@ -189,11 +189,9 @@ struct Replay<'a> {
     comparison: Comparison,
     /// Report on the previous frame.
     last: Option<Arc<Report>>,
-    /// Number of frames that had a verdict when the last recorded one was written. `None` if the
-    /// recorded verdicts before the next one were not read.
-    answered: Option<u64>,
-    /// Frames that the recorder dropped.
-    missing: u64,
+    missing: MissingFrames,
+    /// Number of frames that the recorder dropped.
+    dropped: u64,
     /// Frame of the first baseline.
     begin: Option<u64>,
     /// True if the recorded verdicts depend on the previous frame.
@@ -240,8 +238,8 @@ impl Replay<'_> {
             RecordedItem::Verdict(recorded) => {
                 let RecordedVerdict { report, progress } = &*recorded;
                 if !range.contains(report.seq, report.time) {
-                    self.answered = Some(progress.verified + progress.rejected);
-                    self.comparison.left_out = progress.left_out;
+                    let _ = self.missing.before(progress);
+                    self.comparison.left_out = self.missing.left_out;
                     return Ok(());
                 }
                 self.waiting.push_back(Waiting::Verdict(recorded));
@@ -279,19 +277,16 @@ impl Replay<'_> {
         let (mut report, progress) = (recorded.report, recorded.progress);
         self.run.tally.skipped = progress.skipped;
         self.comparison.recorded += 1;
-        let answered = progress.verified + progress.rejected;
-        let before = self.answered.replace(answered);
-        let gap = before.map_or(0, |before| answered.saturating_sub(before + 1));
-        let left_out = progress.left_out.saturating_sub(self.comparison.left_out);
-        self.missing += gap.saturating_sub(left_out);
-        self.comparison.left_out = progress.left_out.max(self.comparison.left_out);
+        let gap = self.missing.before(&progress);
+        self.dropped += gap.dropped;
+        self.comparison.left_out = self.missing.left_out;
         let last = self.last.take().filter(|r| r.seq == report.seq);
         // Frames before this one are not here, so the motion to it differs from the recorded one.
         // The watch of a restarted process has the last frame of the one before in its state.
         let is_first = self.comparison.recorded == 1;
         let continues = is_first && self.begin.is_some_and(|baseline| baseline < report.seq);
         let after_gap =
-            last.is_some() && std::mem::take(&mut self.left_out) || gap > 0 || continues;
+            last.is_some() && std::mem::take(&mut self.left_out) || gap.frames > 0 || continues;
         let restarted = last.is_some() && std::mem::take(&mut self.restarted);
         let moved = after_gap && self.motion;
         let has_defects = |r: &Report| !r.defects.is_empty();

@@ -186,8 +186,8 @@ impl Run {
         sum.unresolved.limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
         let queues = sinks.open(&setup, options.clearance);
         let mut session = Session::new(options.clone())?;
-        if is_recorded {
-            session.trust_baseline();
+        if let Some(certificate) = options.baseline.clone().filter(|_| is_recorded) {
+            session.begin_part(certificate);
         }
         Ok(Run {
             session,

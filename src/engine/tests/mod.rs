@@ -6,8 +6,10 @@ use super::*;
 use crate::curve::{Basis, CurveLabels, Point, Positions};
 use crate::engine::known::Last;
 use crate::incremental::Route;
+use crate::ingest::FrameInfo;
 use crate::kernels::Method;
 use crate::measure::ClearanceOptions;
+use crate::session::Session;
 use crate::verdict::{Change, DefectKind};
 use std::time::Duration;
 
@@ -388,20 +390,22 @@ fn a_baseline_with_links_of_a_curve_that_is_open_is_refused() {
     let mut counts: Vec<i32> = squares.counts().collect();
     counts[1] = -counts[1];
     let opened = CurveSet::from_counts(Basis::Polyline, &counts, squares.positions()).unwrap();
-    let mut engine = Engine::new(SessionOptions {
-        baseline: Some(baseline),
+    let mut session = Session::new(SessionOptions {
+        baseline: Some(baseline.clone()),
         ..SessionOptions::default()
     })
     .unwrap();
-    let refused = engine.step(0, 0.0, &opened);
+    let refused = session.feed(FrameInfo::at(0, 0.0), &opened);
     assert!(
         matches!(refused, Err(Error::OpenInFrame { curve: 1 })),
         "{refused:?}"
     );
-    assert_eq!(
-        engine.step(1, 0.0, &squares).unwrap().verdict,
-        Verdict::Intact
-    );
+    let report = session.feed(FrameInfo::at(1, 0.0), &squares).unwrap();
+    assert_eq!(report.verdict, Verdict::Intact);
+    // In a part of a run, a curve may have been opened since the baseline.
+    session.begin_part(baseline);
+    let report = session.feed(FrameInfo::at(2, 0.0), &opened).unwrap();
+    assert_eq!(report.verdict, Verdict::Changed);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-"""Contents of trajectories that ``MDAnalysis`` passes over in silence."""
+"""Files and contents of trajectories that ``MDAnalysis`` does not read, or ignores in silence."""
 
 from __future__ import annotations
 
