@@ -1,6 +1,7 @@
 //! Spline bases, and cubic segments in Bezier form.
 
 use super::Point;
+use super::vector::per_axis;
 use std::ops::{Add, Div, Mul, Sub};
 
 vocabulary! {
@@ -201,22 +202,24 @@ fn bounds_of<T: Real>(basis: Basis, q: &[T; 11]) -> [[T; 8]; 2] {
 /// `M` bounds the coordinates of `b`, and `u = 2^-53`. There are three rounds of `p + (q - p) t`,
 /// each with an error of at most `5 M u` (a difference of at most `2 M`, a product, a sum). Each
 /// round is a convex combination, so it does not amplify the errors of the round before.
+#[inline(always)]
 fn blossom(b: &Bezier, r: f64, s: f64, t: f64) -> Point {
-    let mut out = [0.0; 3];
-    for (x, out) in out.iter_mut().enumerate() {
-        let mix = |p: f64, q: f64, t: f64| p + (q - p) * t;
-        let [p, q, w] = [0, 1, 2].map(|k| mix(b[k][x], b[k + 1][x], r));
-        *out = mix(mix(p, q, s), mix(q, w, s), t);
-    }
-    out
+    let mix = |p: f64, q: f64, t: f64| p + (q - p) * t;
+    per_axis(|x| {
+        let mixed = |k: usize| mix(b[k][x], b[k + 1][x], r);
+        let (p, q, w) = (mixed(0), mixed(1), mixed(2));
+        mix(mix(p, q, s), mix(q, w, s), t)
+    })
 }
 
 /// Returns the point of a cubic segment at parameter `t` in `[0, 1]`.
+#[inline]
 pub(crate) fn point_at(b: &Bezier, t: f64) -> Point {
     blossom(b, t, t, t)
 }
 
 /// Returns the Bezier form of the part of `b` between the parameters `t0` and `t1`.
+#[inline]
 pub(crate) fn sub_segment(b: &Bezier, t0: f64, t1: f64) -> Bezier {
     [
         blossom(b, t0, t0, t0),

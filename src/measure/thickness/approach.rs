@@ -155,16 +155,16 @@ impl Side {
             after.and_then(|hull| first_direction(&hull)),
         ];
         let ends = [first_direction(&hull), last_direction(&hull)];
-        let is_free = [0, 1].map(|k| match (neighbours[k], ends[k]) {
+        let is_free = |k: usize| match (neighbours[k], ends[k]) {
             (Some(u), Some(v)) => is_corner(u, v),
             _ => true,
-        });
-        let distances = hull.map(|p| norm(sub(p, hull[0])));
+        };
+        let distances = hull.iter().map(|p| norm(sub(*p, hull[0])));
         Side {
             hull,
             neighbours,
-            is_free,
-            size: distances.into_iter().fold(0.0, f64::max),
+            is_free: [is_free(0), is_free(1)],
+            size: distances.fold(0.0, f64::max),
         }
     }
 
