@@ -40,8 +40,16 @@ pub(super) const LONGEST: f64 = 1.0 / 3.0;
 /// ```
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Unwrap {
-    /// First vertex of each curve in the previous frame, unwrapped.
-    before: Option<Vec<Point>>,
+    /// First vertex of each curve in the previous frame as given, in fractional coordinates of the
+    /// cell of that frame, and the image at which it is unwrapped.
+    before: Vec<(Point, Image)>,
+}
+
+/// Returns the function that converts points to fractional coordinates, from the corner of the
+/// cell. If a scene is scaled with its cell, they stay the same, unlike the points.
+pub(super) fn fractional(cell: &Cell) -> impl Fn(Point) -> Point + use<> {
+    let (inverse, origin) = (cell.inverse().unwrap_or_default(), cell.origin);
+    move |p| inverse.map(|b| dot(b, sub(p, origin)))
 }
 
 impl Unwrap {
@@ -54,18 +62,16 @@ impl Unwrap {
     /// lattice vectors are linearly dependent. The next frame is compared with the one before.
     pub fn unwrap(&mut self, set: &CurveSet, cell: &Cell) -> Result<CurveSet> {
         cell.check()?;
-        let inverse = cell.inverse().unwrap_or_default();
-        let periodic = cell.periodic();
+        let (fractional, periodic) = (fractional(cell), cell.periodic());
         let positions = set.positions();
         // The translation that brings the second point nearest to the first one, and the share of
         // the cell by which they are then apart.
         let nearest = |from: Point, to: Point| -> (Image, (usize, f64)) {
-            let d = sub(to, from);
+            let u = sub(to, from);
             let (mut image, mut most) = (Image::default(), (0, 0.0));
             for x in (0..3).filter(|&x| periodic[x]) {
-                let u = dot(inverse[x], d);
-                image[x] = -u.round().clamp(-1e9, 1e9) as i32;
-                let apart = (u + f64::from(image[x])).abs();
+                image[x] = -u[x].round().clamp(-1e9, 1e9) as i32;
+                let apart = (u[x] + f64::from(image[x])).abs();
                 if apart > most.1 {
                     most = (x, apart);
                 }
@@ -73,26 +79,29 @@ impl Unwrap {
             (image, most)
         };
         let moved = |p: Point, image: Image| add(p, cell.translation(image));
-        let known = self.before.as_ref().filter(|b| b.len() == set.len());
+        let known = Some(&self.before).filter(|b| b.len() == set.len());
         let mut firsts = Vec::with_capacity(set.len());
         let (mut counts, mut xyz) = (Vec::with_capacity(set.len()), Vec::new());
         let mut guess = None;
         for (i, curve) in set.curves().iter().enumerate() {
             let points = set.points_of(i);
             let raw = |k: usize| positions.point(points.start + k);
-            let moved_by = known.map(|before| nearest(before[i], raw(0)));
-            let (mut image, share) = moved_by.unwrap_or_default();
+            let first = fractional(raw(0));
+            let (before, start) = known.map_or((first, Image::default()), |before| before[i]);
+            let (by, share) = nearest(before, first);
             if share.1 > LONGEST {
                 guess.get_or_insert_with(|| moved_too_far(i, share));
             }
-            firsts.push(moved(raw(0), image));
+            let start = add(start, by);
+            firsts.push((first, start));
             let mut unwrapped = Vec::with_capacity(points.len() + 3);
-            unwrapped.push(firsts[i]);
+            unwrapped.push(moved(raw(0), start));
             let count = points.len();
             let closing = usize::from(curve.closed);
-            let start = image;
+            let (mut image, mut last) = (start, first);
             for k in 0..count - 1 + closing {
-                let (by, share) = nearest(raw(k), raw((k + 1) % count));
+                let next = fractional(raw((k + 1) % count));
+                let (by, share) = nearest(std::mem::replace(&mut last, next), next);
                 if share.1 > LONGEST {
                     guess.get_or_insert_with(|| too_long(i, k, share));
                 }
@@ -117,7 +126,7 @@ impl Unwrap {
             return Err(guess);
         }
         let unwrapped = CurveSet::from_counts(set.basis(), &counts, Positions::F64(&xyz))?;
-        self.before = Some(firsts);
+        self.before = firsts;
         Ok(unwrapped)
     }
 }
@@ -300,6 +309,30 @@ mod tests {
                     let rounded = by.map(|u| u.round() as i32);
                     assert!((0..3).all(|x| (by[x] - f64::from(rounded[x])).abs() < 1e-9));
                     assert_eq!(*offset.get_or_insert(rounded), rounded, "frame {frame}");
+                }
+            }
+        }
+    }
+
+    /// Regression test: the place in the cell of the previous frame was compared in the next one, so
+    /// that a curve that had drifted by many cells came to another image.
+    #[test]
+    fn a_curve_stays_at_its_image_if_the_cell_changes() {
+        for corner in [0.0, -5.0, 1000.0] {
+            let mut unwrap = Unwrap::default();
+            for frame in 0..80 {
+                // The box grows about its corner in the last frames.
+                let size = if frame < 60 { 10.0 } else { 10.5 };
+                let cell = Cell::orthogonal([corner; 3], [size; 3]);
+                let x = 0.3 + 0.27 * f64::from(frame);
+                let at = |dx: f64| [corner + size * (x + dx).rem_euclid(1.0), corner + 1.0, 0.5];
+                let xyz = [at(0.0), at(0.1), at(0.2)];
+                let positions = Positions::F64(xyz.as_flattened());
+                let set = CurveSet::from_counts(Basis::Polyline, &[3], positions).unwrap();
+                let out = unwrap.unwrap(&set, &cell).unwrap();
+                for (k, dx) in [0.0, 0.1, 0.2].into_iter().enumerate() {
+                    let expected = corner + size * (x + dx);
+                    assert!((out.point(0, k)[0] - expected).abs() < 1e-9, "{frame}");
                 }
             }
         }
