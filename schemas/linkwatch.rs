@@ -26,6 +26,8 @@ pub struct CurveFrame {
     pub baseline: u64,
     #[prost(message, repeated, tag = "12")]
     pub left_out: ::prost::alloc::vec::Vec<LeftOut>,
+    #[prost(message, repeated, tag = "13")]
+    pub translated: ::prost::alloc::vec::Vec<Translation>,
 }
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct LeftOut {
@@ -316,7 +318,7 @@ pub struct Baseline {
     #[prost(message, repeated, tag = "6")]
     pub images: ::prost::alloc::vec::Vec<ImageLink>,
     #[prost(message, repeated, tag = "7")]
-    pub periods: ::prost::alloc::vec::Vec<YarnPeriod>,
+    pub periods: ::prost::alloc::vec::Vec<Translation>,
     #[prost(uint64, optional, tag = "8")]
     pub frame: ::core::option::Option<u64>,
     #[prost(uint64, tag = "9")]
@@ -325,11 +327,11 @@ pub struct Baseline {
     pub invariants: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
 }
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
-pub struct YarnPeriod {
+pub struct Translation {
     #[prost(uint32, tag = "1")]
     pub curve: u32,
     #[prost(sint32, repeated, tag = "2")]
-    pub period: ::prost::alloc::vec::Vec<i32>,
+    pub image: ::prost::alloc::vec::Vec<i32>,
 }
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct ImageLink {

@@ -56,8 +56,8 @@ impl Engine {
                             make one with the cell";
                 return Err(Error::Usage(what.into()));
             }
-            (_, Some(cell)) => self.align_baseline(known, next, cell)?,
-            (_, None) => {}
+            (_, Some(cell)) if !self.continues => self.align_baseline(known, next, cell)?,
+            _ => {}
         }
         if let (Some(braids), None) = (&self.options.braids, &known.braids) {
             let scene = BraidScene::new(braids, next.curves)?;

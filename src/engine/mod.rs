@@ -66,6 +66,9 @@ pub(crate) struct Engine {
     steps: Steps,
     routing: Routing,
     work: Work,
+    /// True if the first frame continues those of another engine, so that the given baseline names
+    /// images as the frames do.
+    continues: bool,
 }
 
 /// A frame to verify.
@@ -139,6 +142,7 @@ impl Engine {
             steps,
             routing: Routing::default(),
             work: Work::default(),
+            continues: false,
         }
     }
 
@@ -193,6 +197,7 @@ impl Engine {
     pub fn continue_after(&mut self, other: &Engine) {
         self.known.intactness = other.known.intactness;
         self.known.intactness.cut();
+        self.continues = true;
     }
 
     /// Waits until background work has ended, so that the next frame profits from it. For

@@ -1,6 +1,6 @@
 //! Information of a simulator about a frame, besides its positions.
 
-use crate::curve::{Cell, CurveChange, CurveLabels};
+use crate::curve::{Cell, CurveChange, CurveLabels, Image};
 use crate::error::{Error, Result};
 use crate::verdict::LeftOut;
 use std::sync::Arc;
@@ -44,6 +44,11 @@ pub struct FrameInfo {
     /// the format, all closed, applies
     /// ([`CurveSource::closed_by_default`](crate::CurveSource::closed_by_default)).
     pub closed_by_default: bool,
+    /// Curves that were followed when they jumped by a lattice vector, with the sum of these
+    /// vectors at the frame: a session that begins with it follows them from there. Only the frames
+    /// of a session and of recordings have it.
+    #[serde(skip)]
+    pub translated: Vec<(u32, Image)>,
     /// Names and radii of the curves.
     pub labels: Arc<CurveLabels>,
     /// Elements that may be curves of the frame and are not among its curves, because a reader did

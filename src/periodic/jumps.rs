@@ -14,16 +14,16 @@
 //!
 //! Cost: a few operations per curve. A frame in which a curve is not at its first image is copied.
 
-use super::unwrap::LONGEST;
-use crate::curve::vector::{add, dot, per_axis, sub};
+use super::unwrap::{LONGEST, fractional};
+use crate::curve::vector::{add, per_axis, sub};
 use crate::curve::{Cell, CurveSet, Image, Point, Positions, is_home, plus};
 use crate::error::Result;
 
 /// Follows the curves of successive frames.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Jumps {
-    /// First point of each curve in the previous frame as given, in fractional coordinates, and the
-    /// translation by which the curve is followed.
+    /// First point of each curve in the previous frame as given, in fractional coordinates of the
+    /// cell of that frame, and the translation by which the curve is followed.
     before: Vec<(Point, Image)>,
     /// First points and translations of the current frame, until it is verified.
     #[serde(skip)]
@@ -38,6 +38,12 @@ impl Jumps {
         self.count[0]
     }
 
+    /// Returns the translated curves of the last verified frame, with their translations.
+    pub fn translated(&self) -> Vec<(u32, Image)> {
+        let all = (0..).zip(&self.before).map(|(i, (_, image))| (i, *image));
+        all.filter(|(_, image)| !is_home(image)).collect()
+    }
+
     /// Continues from the current frame: it was verified.
     pub fn commit(&mut self) {
         std::mem::swap(&mut self.before, &mut self.current);
@@ -45,7 +51,8 @@ impl Jumps {
     }
 
     /// Returns the curves of a frame where they are followed; `None`: they are as given. `previous`
-    /// is the previous frame where its curves are followed.
+    /// is the previous frame where its curves are followed, with its cell. In a first frame, the
+    /// curves of `translated` have these translations.
     ///
     /// Curves that are followed have double precision.
     ///
@@ -56,19 +63,26 @@ impl Jumps {
         &mut self,
         given: &CurveSet,
         cell: &Cell,
-        previous: Option<&CurveSet>,
+        previous: Option<(&CurveSet, Cell)>,
+        translated: &[(u32, Image)],
     ) -> Result<Option<CurveSet>> {
-        let inverse = cell.inverse().unwrap_or_default();
-        let fractional = |p: Point| inverse.map(|b| dot(b, p));
-        let firsts = (0..given.len()).map(|i| fractional(given.point(i, 0)));
+        let fractional_now = fractional(cell);
+        let firsts = (0..given.len()).map(|i| fractional_now(given.point(i, 0)));
         self.current.clear();
         self.count[1] = 0;
-        if self.before.len() != given.len() {
-            self.current.extend(firsts.map(|u| (u, Image::default())));
-            return Ok(None);
+        let mut first = Vec::new();
+        let mut before = &self.before;
+        if before.len() != given.len() {
+            first.extend(firsts.clone().map(|u| (u, Image::default())));
+            for (i, image) in translated {
+                if let Some(curve) = first.get_mut(*i as usize) {
+                    curve.1 = *image;
+                }
+            }
+            before = &first;
         }
         let periodic = cell.periodic();
-        for (i, (u, before)) in firsts.zip(&self.before).enumerate() {
+        for (i, (u, before)) in firsts.zip(before).enumerate() {
             let step = sub(u, before.0);
             self.current.push((u, before.1));
             // Most curves.
@@ -84,11 +98,13 @@ impl Jumps {
             }
             let image = plus(before.1, back);
             let by = image.map(f64::from);
-            let same = |set: &&CurveSet| set.curve(i).points == given.curve(i).points;
-            let is_near = |known: &CurveSet| {
+            let same =
+                |(known, _): &(&CurveSet, Cell)| known.curve(i).points == given.curve(i).points;
+            let is_near = |(known, cell): (&CurveSet, Cell)| {
+                let fractional_then = fractional(&cell);
                 (0..given.curve(i).points as usize).all(|k| {
-                    let [now, then] = [given, known].map(|set| fractional(set.point(i, k)));
-                    let step = sub(add(now, by), then);
+                    let now = fractional_now(given.point(i, k));
+                    let step = sub(add(now, by), fractional_then(known.point(i, k)));
                     (0..3).all(|x| !periodic[x] || step[x].abs() <= LONGEST)
                 })
             };
@@ -108,5 +124,40 @@ impl Jumps {
         }
         let counts: Vec<i32> = given.counts().collect();
         CurveSet::from_counts(given.basis(), &counts, Positions::F64(&xyz)).map(Some)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::Basis;
+
+    /// Regression test: steps and places were measured from the origin, with the cell of the later
+    /// frame, so that jumps were not followed after some earlier ones.
+    #[test]
+    fn a_jump_is_followed_in_the_frame_in_which_the_cell_changes() {
+        for corner in [0.0, -5.0, 1000.0] {
+            let mut jumps = Jumps::default();
+            let mut last: Option<(CurveSet, Cell)> = None;
+            for frame in 0..80 {
+                let size = if frame < 60 { 10.0 } else { 10.3 };
+                let cell = Cell::orthogonal([corner; 3], [size; 3]);
+                // The whole curve is moved back into the cell.
+                let x = 0.3 + 0.27 * f64::from(frame);
+                let at = |x: f64, dx: f64| [corner + size * (x + dx), corner + 1.0, corner + 2.0];
+                let home = x.rem_euclid(1.0);
+                let xyz = [at(home, 0.0), at(home, 0.1), at(home, 0.2)];
+                let positions = Positions::F64(xyz.as_flattened());
+                let given = CurveSet::from_counts(Basis::Polyline, &[3], positions).unwrap();
+                let previous = last.as_ref().map(|(set, cell)| (set, *cell));
+                let followed = jumps.follow(&given, &cell, previous, &[]).unwrap();
+                let set = followed.unwrap_or(given);
+                jumps.commit();
+                let found = set.point(0, 0)[0];
+                assert!((found - at(x, 0.0)[0]).abs() < 1e-9, "{corner}, {frame}");
+                last = Some((set, cell));
+            }
+            assert_eq!(jumps.count(), 21);
+        }
     }
 }

@@ -276,13 +276,13 @@ impl Recorded<schema::Progress> for RunProgress {
     }
 }
 
-impl Recorded<schema::YarnPeriod> for (u32, Image) {
-    fn record(&self) -> schema::YarnPeriod {
-        let (curve, period) = (self.0, self.1.to_vec());
-        schema::YarnPeriod { curve, period }
+impl Recorded<schema::Translation> for (u32, Image) {
+    fn record(&self) -> schema::Translation {
+        let (curve, image) = (self.0, self.1.to_vec());
+        schema::Translation { curve, image }
     }
-    fn read(period: schema::YarnPeriod) -> Result<Self> {
-        Ok((period.curve, Image::read(period.period)?))
+    fn read(translation: schema::Translation) -> Result<Self> {
+        Ok((translation.curve, Image::read(translation.image)?))
     }
 }
 

@@ -29,6 +29,7 @@ const LABELS: (&str, &str) = ("/linkwatch/labels", "Labels");
 const FRAMES: (&str, &str) = ("/linkwatch/frames", "CurveFrame");
 const VERDICTS: (&str, &str) = ("/linkwatch/verdicts", "Verdict");
 const BASELINE: (&str, &str) = ("/linkwatch/baseline", "Baseline");
+const ACCEPTED: (&str, &str) = ("/linkwatch/accepted", "Baseline");
 
 /// Name of the metadata record, which describes the recorder and its settings.
 const METADATA: &str = "linkwatch";

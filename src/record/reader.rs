@@ -4,7 +4,7 @@ mod outline;
 
 use super::messages::{PACKAGE, Recorded, invalid};
 use super::schema;
-use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
+use super::{ACCEPTED, BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
 use crate::curve::{Basis, CurveLabels, CurveSet, Precision};
 use crate::error::{Error, Result};
 use crate::formats::container::{self, Container, Content, Ending, Place};
@@ -124,6 +124,8 @@ impl RecordedFrame {
 #[derive(Clone, Copy)]
 enum Channel {
     Baseline,
+    /// A baseline that replaces the one before without a gap.
+    Accepted,
     Labels,
     Frames,
     Verdicts,
@@ -169,6 +171,10 @@ pub struct RecordingReader<R> {
     metadata: BTreeMap<String, String>,
     /// Names and radii of the curves of the next frame.
     labels: Arc<CurveLabels>,
+    /// Place of the last baseline that replaced another one without a gap.
+    accepted: Option<Place>,
+    /// Baseline of the frame to which the reader went.
+    first: Option<RecordedItem>,
     skipped: u64,
 }
 
@@ -202,6 +208,8 @@ impl<R: Read + Seek> RecordingReader<R> {
             channels: HashMap::new(),
             metadata: BTreeMap::new(),
             labels: Arc::default(),
+            accepted: None,
+            first: None,
             skipped: 0,
         }
     }
@@ -241,6 +249,9 @@ impl<R: Read + Seek> RecordingReader<R> {
     }
 
     fn read_item(&mut self) -> Result<Option<RecordedItem>> {
+        if let Some(baseline) = self.first.take() {
+            return Ok(Some(baseline));
+        }
         while let Some(message) = self.next_message(false)? {
             match self.item(message)? {
                 Some(item) => return Ok(Some(item)),
@@ -282,6 +293,7 @@ impl<R: Read + Seek> RecordingReader<R> {
                         let labels = CurveLabels::named(m.names).with_radii(m.radii);
                         self.labels = Arc::new(labels);
                     }
+                    Some(Channel::Accepted) => self.accepted = Some(place),
                     Some(&channel) => return Ok(Some((channel, log_time, body, place))),
                 },
             }
@@ -295,6 +307,7 @@ impl<R: Read + Seek> RecordingReader<R> {
         let content = match (channel.topic.as_str(), message) {
             _ if channel.encoding != PROTOBUF => return Ok(Channel::Foreign),
             BASELINE => Channel::Baseline,
+            ACCEPTED => Channel::Accepted,
             LABELS => Channel::Labels,
             FRAMES => Channel::Frames,
             VERDICTS => Channel::Verdicts,
@@ -315,7 +328,7 @@ impl<R: Read + Seek> RecordingReader<R> {
     fn item(&self, (channel, time, body, place): Message) -> Result<Option<RecordedItem>> {
         let item = match channel {
             Channel::Foreign | Channel::Labels => return Ok(None),
-            Channel::Baseline => {
+            Channel::Baseline | Channel::Accepted => {
                 let read = Recorded::<schema::Baseline>::read(decode(body, place)?);
                 read.map(RecordedItem::Baseline)
             }
@@ -339,6 +352,7 @@ impl<R: Read + Seek> RecordingReader<R> {
                 time_step: m.time_step,
                 cell: Recorded::read(m.cell)?,
                 left_out: Recorded::read(m.left_out)?,
+                translated: Recorded::read(m.translated)?,
                 labels: Arc::clone(&self.labels),
                 ..FrameInfo::at(m.seq, m.time)
             },

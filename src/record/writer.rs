@@ -12,7 +12,7 @@
 //! damage is still detected.
 
 use super::messages::{DESCRIPTORS, PACKAGE, Recorded};
-use super::{BASELINE, CUT_OFF, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
+use super::{ACCEPTED, BASELINE, CUT_OFF, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
 use super::{file, schema};
 use crate::curve::{CurveLabels, CurveSet};
 use crate::error::{Error, Result};
@@ -94,6 +94,8 @@ pub struct RecordingSink {
     frames: u16,
     verdicts: u16,
     baseline: u16,
+    /// `None` until a baseline changes.
+    accepted: Option<u16>,
     labels: u16,
     /// Names and radii that were written last.
     last_labels: Arc<CurveLabels>,
@@ -170,10 +172,10 @@ impl RecordingSink {
             bytes: FIXED_BYTES,
         };
         log.describe(metadata)?;
-        let mut channel =
-            |(topic, message): (&str, &str)| log.channel(topic, &format!("{PACKAGE}.{message}"));
+        let mut channel = |of| log.channel(of);
         Ok(RecordingSink {
             baseline: channel(BASELINE)?,
+            accepted: None,
             labels: channel(LABELS)?,
             last_labels: Arc::default(),
             frames: channel(FRAMES)?,
@@ -244,6 +246,7 @@ impl RecordingSink {
             time_step: info.time_step,
             cell: info.cell.record(),
             left_out: info.left_out.record(),
+            translated: info.translated.record(),
         };
         let outcome = self.log.write(self.frames, &message, seq, time_ns);
         // The message was the only owner of the bytes, so this returns the buffer without a copy.
@@ -253,10 +256,10 @@ impl RecordingSink {
 }
 
 impl Log {
-    /// Adds a channel of protobuf messages.
-    fn channel(&mut self, topic: &str, message: &str) -> Result<u16> {
+    /// Adds a channel: its topic, and its protobuf messages.
+    fn channel(&mut self, (topic, message): (&str, &str)) -> Result<u16> {
         let (writer, none) = (&mut self.writer, BTreeMap::new());
-        let schema = writer.add_schema(message, PROTOBUF, DESCRIPTORS);
+        let schema = writer.add_schema(&format!("{PACKAGE}.{message}"), PROTOBUF, DESCRIPTORS);
         let added = schema.and_then(|schema| writer.add_channel(schema, topic, PROTOBUF, &none));
         added.map_err(|e| sink_error(&self.path, e))
     }
@@ -294,10 +297,16 @@ impl Log {
 
 impl Sink for RecordingSink {
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
-        let now = RunProgress::default()
-            .received(SystemTime::now())
-            .received_ns;
-        self.log.write(self.baseline, &baseline.record(), 0, now)
+        self.log.write(self.baseline, &baseline.record(), 0, now())
+    }
+
+    fn expect(&mut self, baseline: &BaselineRecord) -> Result<()> {
+        let channel = match self.accepted {
+            Some(channel) => channel,
+            None => self.log.channel(ACCEPTED)?,
+        };
+        self.accepted = Some(channel);
+        self.log.write(channel, &baseline.record(), 0, now())
     }
 
     fn frame(&mut self, record: &FrameRecord) -> Result<()> {
@@ -330,6 +339,12 @@ impl Sink for RecordingSink {
         let path = self.log.path.clone();
         self.close()?.sync().map_err(Error::file(&path))
     }
+}
+
+/// Returns the time in nanoseconds since 1970.
+fn now() -> u64 {
+    let progress = RunProgress::default().received(SystemTime::now());
+    progress.received_ns
 }
 
 /// Destination of a recording.

@@ -1,8 +1,9 @@
 //! Positions at which the curves of a frame are verified: unwrapped, and followed if they jump by a
 //! lattice vector.
 
-use crate::curve::{Cell, CurveSet, Precision};
+use crate::curve::{Cell, CurveSet, Image, Precision};
 use crate::error::{Error, Result};
+use crate::ingest::FrameInfo;
 use crate::periodic::{Jumps, Unwrap};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -16,8 +17,8 @@ pub(super) struct Coordinates {
     pub state: CoordinateState,
     /// Unwrapping after the current frame.
     unwrapped: Option<Unwrap>,
-    /// Last verified frame, where it was verified.
-    pub last: Option<Arc<CurveSet>>,
+    /// Last verified frame, where it was verified, and its cell.
+    pub last: Option<(Arc<CurveSet>, Option<Cell>)>,
 }
 
 /// State after a verified frame.
@@ -44,13 +45,18 @@ impl Coordinates {
         restarted
     }
 
+    /// Returns the curves that are followed at another image, with their translations.
+    pub fn translated(&self) -> Vec<(u32, Image)> {
+        self.state.jumps.translated()
+    }
+
     /// Returns the number of jumps so far.
     pub fn jumps(&self) -> u64 {
         self.state.earlier + self.state.jumps.count()
     }
 
-    /// Returns the curves of a frame where they are verified. `cell` is the one with which they
-    /// are; `of_frame` also that of a frame whose images are not verified.
+    /// Returns the curves of a frame where they are verified. `info` has the cell with which they
+    /// are; `of_frame` is also that of a frame whose images are not verified.
     ///
     /// # Errors
     ///
@@ -59,9 +65,10 @@ impl Coordinates {
     pub fn place(
         &mut self,
         given: &Arc<CurveSet>,
-        cell: Option<Cell>,
+        info: &FrameInfo,
         of_frame: Option<Cell>,
     ) -> Result<Arc<CurveSet>> {
+        let cell = info.cell;
         let placed = match (self.wrapped, cell) {
             (Some(true), _) => {
                 let none = "wrapped coordinates need a periodic cell, but the frame has none";
@@ -72,12 +79,15 @@ impl Coordinates {
                 Some(curves)
             }
             (None, Some(cell)) => {
-                let last = self.last.as_deref();
-                self.state.jumps.follow(given, &cell, last)?
+                let last = self.last.as_ref();
+                let last = last.and_then(|(set, cell)| Some((&**set, (*cell)?)));
+                self.state
+                    .jumps
+                    .follow(given, &cell, last, &info.translated)?
             }
             _ => None,
         };
-        let last = self.last.as_deref().map(CurveSet::precision);
+        let last = self.last.as_ref().map(|(set, _)| set.precision());
         let set = placed.map_or_else(|| Arc::clone(given), Arc::new);
         match (last, set.precision()) {
             // Curves that were followed have double precision.
@@ -86,12 +96,12 @@ impl Coordinates {
         }
     }
 
-    /// Continues from the current frame, where it was verified.
-    pub fn commit(&mut self, placed: &Arc<CurveSet>) {
+    /// Continues from the current frame, where it was verified, with its cell.
+    pub fn commit(&mut self, placed: &Arc<CurveSet>, cell: Option<Cell>) {
         if let Some(unwrap) = self.unwrapped.take() {
             self.state.unwrap = unwrap;
         }
         self.state.jumps.commit();
-        self.last = Some(Arc::clone(placed));
+        self.last = Some((Arc::clone(placed), cell));
     }
 }

@@ -392,8 +392,8 @@ impl Session {
             Some(begun) => (&mut begun.engine, &mut begun.coordinates),
             None => (&mut self.engine, &mut self.coordinates),
         };
-        let set = coordinates.place(&given, info.cell, of_frame)?;
-        if let (Some(change), Some(before)) = (&mut change, &coordinates.last) {
+        let set = coordinates.place(&given, info, of_frame)?;
+        if let (Some(change), Some((before, _))) = (&mut change, &coordinates.last) {
             change.note_opened(before, &set, &info.labels.names);
         }
         let cuts = cut || matches!(self.next, Next::Cut);
@@ -412,13 +412,14 @@ impl Session {
         } else if cuts {
             self.strands.cut();
         }
-        self.coordinates.commit(&set);
+        self.coordinates.commit(&set, info.cell);
+        info.translated = self.coordinates.translated();
         self.next = Next::ByInfo;
         report.clearance = self.strands.measure(info, &set);
         report.abort = self.engine.aborts(&report);
         self.last = Some(info.clone());
         self.given = Some(Arc::clone(&given));
-        // Curves that jumped are recorded as they were given: a replay follows them again.
+        // Curves that jumped are recorded as they were given, with their translations.
         let unwrapped = self.options.wrapped == Some(true);
         Ok((report, if unwrapped { set } else { given }))
     }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Version of the state. Another version cannot be read.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// State of a session after a verified frame: the frame, the baseline, and all else that later
 /// reports depend on. A clone shares the curves. It can be stored with serde, in a format that
@@ -88,7 +88,7 @@ impl Session {
         let known = self.last.as_ref().zip(engine).zip(curves);
         SessionState {
             version: VERSION,
-            verified: known.map(|((info, engine), curves)| Verified {
+            verified: known.map(|((info, engine), (curves, _))| Verified {
                 info: info.clone(),
                 curves: StoredCurves(Arc::clone(curves)),
                 engine,
@@ -123,7 +123,7 @@ impl Session {
         session.closings =
             Closings::decided(session.options.keep_open, info.layout, verified.closings);
         session.coordinates.state = verified.coordinates;
-        session.coordinates.last = Some(curves);
+        session.coordinates.last = Some((curves, info.cell));
         session.strands = Strands::resumed(&session.options, &info, verified.strands);
         session.last = Some(info);
         Ok(session)

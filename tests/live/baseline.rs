@@ -182,6 +182,46 @@ fn an_accepted_state_is_the_new_baseline() {
     assert!(text.starts_with("Accepted: "), "{text}");
 }
 
+/// Regression test: the replay compared these frames with the baseline of the first frame, and a
+/// violation was intact.
+#[test]
+fn a_replay_that_begins_later_expects_the_accepted_state() {
+    for (name, settings) in [("all", ""), ("window", ",window=0.01")] {
+        let folder = TempDir::new().unwrap();
+        let service = service(&format!("accepted {name}"));
+        let recording = folder.path().join("run.mcap");
+        let record = format!("{}{settings}", recording.to_str().unwrap());
+        let args = ["--record", &record, "--motion-limit=5"];
+        let watch = Watch::start(folder.path(), "watch", &service, &args);
+        let mut sim = client(&service);
+        assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+        sim.accept();
+        for frame in 1..4 {
+            assert_eq!(step(&mut sim, frame, 2.5), Verdict::Intact);
+        }
+        std::thread::sleep(Duration::from_millis(50));
+        assert_eq!(step(&mut sim, 4, 0.0), Verdict::Changed);
+        sim.cut();
+        assert_eq!(step(&mut sim, 5, 0.1), Verdict::Changed);
+        sim.finish_within(PATIENCE).unwrap().expect("a goodbye");
+        let live = watch.end();
+        let verdicts = |run: &Ended| -> Vec<[Value; 2]> {
+            let reports = run.reports();
+            let pair = |r: &&Value| [r["seq"].clone(), r["verdict"].clone()];
+            reports.iter().map(pair).collect()
+        };
+        for from in 0..6 {
+            let replayed = replay_with(&recording, &["--from", &from.to_string()]);
+            let found = verdicts(&replayed);
+            let expected = verdicts(&live);
+            let expected = &expected[expected.len() - found.len()..];
+            assert_eq!(found, expected, "{name} from {from}: {}", replayed.stderr);
+            assert_eq!(replayed.code, Some(1), "{name}: {}", replayed.stderr);
+            replayed.assert_recorded_verdicts();
+        }
+    }
+}
+
 /// Regression test: the replay and the report of the recording said that the run was accepted.
 #[test]
 fn a_replay_says_that_the_accepted_frame_was_rejected() {

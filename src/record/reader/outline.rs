@@ -3,7 +3,7 @@
 use super::{Channel, RecordedItem, RecordingReader};
 use crate::curve::CurveLabels;
 use crate::error::Result;
-use crate::formats::container::Place;
+use crate::formats::container::{Content, Place};
 use prost::bytes::Buf;
 use std::io::{Read, Seek};
 use std::sync::Arc;
@@ -19,6 +19,8 @@ pub struct FramePlace {
     place: Place,
     /// Names and radii of its curves.
     labels: Arc<CurveLabels>,
+    /// Place of its baseline, if that replaced the one before.
+    accepted: Option<Place>,
 }
 
 impl FramePlace {
@@ -69,37 +71,54 @@ impl<R: Read + Seek> RecordingReader<R> {
 
     fn skim(&mut self) -> Result<Outline> {
         let mut outline = Outline::default();
-        self.labels = Arc::default();
+        (self.labels, self.accepted) = (Arc::default(), None);
         while let Some(message) = self.next_message(true)? {
             let (channel, place) = (message.0, message.3);
-            let at = |(seq, time), labels: &Arc<CurveLabels>| FramePlace {
+            let (labels, accepted) = (Arc::clone(&self.labels), self.accepted);
+            let at = |(seq, time)| FramePlace {
                 seq,
                 time,
                 place,
-                labels: Arc::clone(labels),
+                labels,
+                accepted,
             };
             if let Channel::Frames = channel {
-                let begin = begin_of_frame(&message.2);
-                outline.frames.push(at(begin, &self.labels));
+                outline.frames.push(at(begin_of_frame(&message.2)));
             } else if let Channel::Verdicts = channel
                 && let Some(RecordedItem::Verdict(recorded)) = self.item(message)?
             {
-                let begin = (recorded.report.seq, recorded.report.time);
-                outline.verdicts.push(at(begin, &self.labels));
+                let report = &recorded.report;
+                outline.verdicts.push(at((report.seq, report.time)));
             }
         }
         Ok(outline)
     }
 
-    /// Continues with a frame or a verdict of the [outline](RecordingReader::outline).
+    /// Continues with a frame or a verdict of the [outline](RecordingReader::outline). Its baseline
+    /// comes first, if the simulator accepted it, or described its curves again, after the start of
+    /// the file.
     ///
     /// # Errors
     ///
     /// [`Error::Io`](crate::Error::Io).
     pub fn go_to(&mut self, frame: &FramePlace) -> Result<()> {
         self.labels = Arc::clone(&frame.labels);
-        let gone = self.container.go_to(frame.place);
+        let gone = self.go_to_baseline(frame.accepted);
+        let gone = gone.and_then(|()| self.container.go_to(frame.place));
         self.stop_at_damage(gone)
+    }
+
+    /// Reads the baseline at a place, to return it as the next item.
+    fn go_to_baseline(&mut self, place: Option<Place>) -> Result<()> {
+        (self.accepted, self.first) = (place, None);
+        let Some(place) = place else {
+            return Ok(());
+        };
+        self.container.go_to(place)?;
+        if let Some((place, Content::Message(_, time, body))) = self.container.next()? {
+            self.first = self.item((Channel::Accepted, time, body, place))?;
+        }
+        Ok(())
     }
 }
 

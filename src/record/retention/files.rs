@@ -95,11 +95,13 @@ impl Files {
         };
         let left_out = start.answered.saturating_sub(open.answered);
         open.sink.leave_out(left_out);
-        if let Some(baseline) = &start.baseline
-            && (!open.begun || left_out > 0 || again)
-        {
-            open.sink.begin(baseline)?;
-            open.begun = true;
+        if let Some(baseline) = &start.baseline {
+            if !open.begun || left_out > 0 || again {
+                open.sink.begin(baseline)?;
+                open.begun = true;
+            } else if start.other_baseline {
+                open.sink.expect(baseline)?;
+            }
         }
         open.sink.frame(record)?;
         open.answered = answered(record);

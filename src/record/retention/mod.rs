@@ -160,6 +160,9 @@ struct Start {
     answered: u64,
     /// True if this frame does not continue the previous one, or has other curves.
     new: bool,
+    /// True if the baseline is not that of the frame before, because the frame has other curves, or
+    /// the simulator accepted it.
+    other_baseline: bool,
 }
 
 /// Follows the state of a run.
@@ -169,8 +172,8 @@ struct InForce {
     before: Option<Arc<BaselineRecord>>,
     after: Option<Arc<BaselineRecord>>,
     answered: u64,
-    /// Number of the layout, and of the cuts, of the last frame with curves.
-    last: Option<(u32, u32)>,
+    /// Numbers of the layout and of the baseline, and of the cuts, of the last frame with curves.
+    last: Option<((u32, u64), u32)>,
 }
 
 impl InForce {
@@ -189,18 +192,20 @@ impl InForce {
     /// Returns the state before a frame, and advances to the state after it.
     fn pass(&mut self, record: &FrameRecord) -> Start {
         let info = record.curves.as_ref().map(|_| &record.info);
-        let now = info.map(|info| (info.layout, info.cuts));
+        let now = info.map(|info| ((info.layout, info.baseline), info.cuts));
         let new = now.is_some() && now != self.last;
-        let other_curves = now.is_some_and(|now| Some(now.0) != self.last.map(|last| last.0));
-        // The baseline after the frame has the indices of its curves.
+        let other_baseline = now.is_some_and(|now| Some(now.0) != self.last.map(|last| last.0));
+        // The baseline after the frame has the indices of its curves, and its linking numbers if it
+        // was accepted.
         let baseline = match &self.before {
-            Some(before) if !other_curves => Some(Arc::clone(before)),
+            Some(before) if !other_baseline => Some(Arc::clone(before)),
             _ => self.after.clone(),
         };
         let start = Start {
             baseline,
             answered: std::mem::replace(&mut self.answered, answered(record)),
             new,
+            other_baseline,
         };
         self.last = now.or(self.last);
         self.before.clone_from(&self.after);
