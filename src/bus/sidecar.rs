@@ -88,7 +88,7 @@ impl Default for SidecarOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SidecarState {
     session: u64,
-    /// The last frame that was received.
+    /// The last frame that was returned.
     last: u64,
     /// Number of the baseline of the last frame that was returned.
     baseline: Option<u64>,
@@ -117,8 +117,9 @@ struct Session {
     last_seen: Option<Seen>,
     /// The frame after `last_seen`, if its sequence number was implausible.
     stray: Option<Seen>,
-    /// Number of frames with a plausible sequence number that were delivered.
+    /// Number of frames with a plausible sequence number that were delivered, and the last one.
     delivered: u64,
+    last_returned: Option<u64>,
     counters: Counters,
     /// Last message that asked to stop. Heartbeats repeat it, because it must not be lost.
     abort: Option<VerdictWire>,
@@ -274,7 +275,7 @@ impl Sidecar {
     /// Returns the state of the session, or `None` before its first frame was received.
     pub fn state(&self) -> Option<SidecarState> {
         let session = self.session.as_ref()?;
-        let last = session.last_seen.map(|seen| seen.seq);
+        let last = session.last_returned;
         Some(SidecarState {
             session: session.id,
             last: last.or(self.resumed.map(|state| state.last))?,
@@ -284,8 +285,8 @@ impl Sidecar {
     }
 
     /// Continues the session of a watcher that crashed, if its simulator still runs: the counters
-    /// continue, and frames that the crashed watcher received are not returned again. The verdict
-    /// on the last frame that it received may still be sent. Call this before the first
+    /// continue, and frames that the crashed watcher returned are not returned again. The verdict
+    /// on the last one of them may still be sent. Call this before the first
     /// [`wait`](Sidecar::wait).
     pub fn resume(&mut self, state: SidecarState) {
         self.resumed = Some(state);
@@ -520,6 +521,7 @@ impl Sidecar {
             }
             Event::Frame(frame) if frame.fault.is_none() => {
                 session.delivered += 1;
+                session.last_returned = Some(frame.seq());
                 session.skip_to(frame.seq() + 1);
                 (session.baseline, session.waits) = (Some(frame.header.baseline), None);
             }

@@ -175,6 +175,29 @@ fn an_accepted_frame_is_the_baseline_of_a_late_watcher() {
     assert_eq!(answer_next(&mut sidecar), 5);
 }
 
+/// Regression test: a frame that waited behind the baseline counted as returned, and no verdict was
+/// ever sent on it.
+#[test]
+fn the_next_watcher_gets_a_frame_that_waited_behind_the_baseline() {
+    let name = service();
+    let mut client = client(&name);
+    for seq in 0..3 {
+        publish(&mut client, seq);
+    }
+    let mut first = sidecar(&name);
+    assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
+    new_session(&mut first);
+    assert_eq!(answer_next(&mut first), 0);
+    let state = first.state().unwrap();
+    drop(first);
+    let mut second = sidecar(&name);
+    second.resume(state);
+    assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
+    new_session(&mut second);
+    assert_eq!(answer_next(&mut second), 2);
+    assert_eq!(second.counters().skipped, 1);
+}
+
 /// The watcher is stopped at first, so that it reads everything at once.
 #[test]
 fn the_end_of_a_session_does_not_overtake_its_baseline() {

@@ -303,6 +303,25 @@ fn the_frame_in_hand_is_skipped_if_a_signal_cancels_its_check() {
     assert!(!ended.stderr.contains("crashed"), "{}", ended.stderr);
 }
 
+/// Regression test: the second frame became the baseline without a word.
+#[test]
+fn the_next_process_verifies_the_first_frame_if_a_signal_cancels_its_check() {
+    let mut watches = Restarted::start("cancelled first", &EVENTS);
+    let mut sim = Client::open(&watches.service, &ClientOptions::lockstep()).unwrap();
+    let seq = publish_tangle(&mut sim);
+    for process in 0..2 {
+        if process > 0 {
+            watches.next();
+            watched(&mut sim);
+            let outcome = sim.wait(seq, Duration::from_secs(1)).unwrap();
+            assert_eq!(outcome, Outcome::Stale);
+        }
+        let stopped = watches.stop("TERM");
+        let words = "the check of frame 0 was cancelled";
+        assert!(stopped.stderr.contains(words), "{}", stopped.stderr);
+    }
+}
+
 /// Publishes squares and other curves that take minutes to verify. Returns the number of the frame
 /// once it is being verified.
 fn publish_tangle(sim: &mut Client) -> u64 {

@@ -321,6 +321,7 @@ impl Follower<'_> {
                 Event::Frame(frame) => {
                     let received = Instant::now();
                     let (seq, time) = (frame.seq(), frame.time());
+                    let before = self.state.note.clone();
                     let (state, cuts) = (sidecar.state(), frame.cuts());
                     self.state.begin_frame(state, (seq, time), cuts)?;
                     let ingested = match frame.info(&mut labels) {
@@ -339,9 +340,7 @@ impl Follower<'_> {
                             tracing::info!(
                                 "stopped by a signal; the check of frame {seq} was cancelled"
                             );
-                            // The next process does not answer it: it did not crash this one.
-                            let state = sidecar.state();
-                            self.state.end_frame(state, None, Outcome::Fine)?;
+                            self.state.forget_frame(before)?;
                             return Ok(End::Signal);
                         }
                         judged => judged?,

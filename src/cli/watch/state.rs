@@ -194,6 +194,13 @@ impl State {
         self.write()
     }
 
+    /// Forgets a frame whose check was cancelled, so that the next process verifies it. `before` is
+    /// the note before it.
+    pub fn forget_frame(&mut self, before: Note) -> Result<()> {
+        self.note = before;
+        self.write()
+    }
+
     /// Notes that the frame was answered or skipped. `verified` is the report, unless it was
     /// rejected or skipped.
     pub fn end_frame(
