@@ -77,6 +77,7 @@ impl Run {
             return;
         }
         // Frames that were rejected are no reason: a watch that was there has seen them.
+        let from_now = self.setup.from_now && !self.begun;
         let missed = match (self.setup.live, self.begun) {
             (true, false) => self.tally.since(self.before).skipped.min(seq),
             (true, true) => seq.saturating_sub(info.baseline),
@@ -92,7 +93,7 @@ impl Run {
                 false => "first frame".into(),
             },
             frame: Some(seq),
-            unverified: if self.setup.from_now { 0 } else { missed },
+            unverified: if from_now { 0 } else { missed },
         });
         if missed > 0 {
             let before = before_it(missed);
@@ -101,11 +102,12 @@ impl Run {
                 false => "the watch started late",
             };
             let late = format!("{why}: the baseline is frame {seq}, and {before} not verified");
-            match self.setup.from_now {
+            match from_now {
                 true => tracing::info!("{late}"),
                 false => {
                     let hint = " (--from-now accepts this)";
-                    tracing::warn!("{late}{}", if self.setup.live { hint } else { "" });
+                    let has_hint = self.setup.live && !self.begun;
+                    tracing::warn!("{late}{}", if has_hint { hint } else { "" });
                     self.data_lost();
                 }
             }
