@@ -274,7 +274,11 @@ impl Edges {
             return false;
         }
         let before = self.before(edge).filter(|_| at == 0.0);
-        before.is_none_or(|before| dot(before, toward) >= -TOLERANCE * norm(before) * length)
+        before.is_none_or(|before| {
+            // The vector between points that touch is a rounding error.
+            let rounding = 8.0 * f64::EPSILON * (norm(edge.start) + norm(edge.along));
+            dot(before, toward) >= -norm(before) * (TOLERANCE * length + rounding)
+        })
     }
 
     /// Returns true if no end of a strut is also at the start of the next edge.

@@ -26,6 +26,27 @@ fn hopf(n: u32) -> CurveSet {
     set(&[-(n as i32); 2], &both)
 }
 
+/// Regression test: the vector between points that touch is a rounding error, by which most of these
+/// contacts were no local minima.
+#[test]
+fn vertices_that_were_computed_on_an_edge_touch_it() {
+    let mut random = Random::new(5);
+    for round in 0..2000 {
+        let scale = random.pick(&[1.0, 1e6]);
+        let mut point = || per_axis(|_| scale * (2.0 * random.unit() - 1.0));
+        let [a, b, before, after] = [(); 4].map(|()| point());
+        let t = random.unit();
+        let on = per_axis(|x| a[x] + t * (b[x] - a[x]));
+        let xyz = [a, b, before, on, after];
+        let found = Thickness::of(&set(&[2, 3], xyz.as_flattened()), None).unwrap();
+        let length = found.poca.map(|strut| strut.length);
+        assert!(
+            length.is_some_and(|l| l < 1e-14 * scale),
+            "{round}: {length:?}"
+        );
+    }
+}
+
 /// The trefoil of section 6, at `n` equally spaced parameters.
 fn trefoil(n: u32) -> CurveSet {
     let point = |k: u32| {
