@@ -5,9 +5,10 @@ use crate::curve::{Image, Point};
 /// Clearance of a frame: the distance between the centre lines of two strands, as a share of the
 /// sum of their radii. At 1 their surfaces touch, at 0 their centre lines meet.
 ///
-/// The strands are different curves, or parts of one curve that are at least `pi` radii apart along
-/// it: a curve that bends with the radius of its tube has that distance. In a periodic cell they
-/// are also images of curves; the next period of a curve that runs through the cell continues it.
+/// The strands are different curves, or segments of one curve whose nearer ends are at least `pi`
+/// radii apart along it: a curve that bends with the radius of its tube has that distance. In a
+/// periodic cell they are also images of curves; the next period of a curve that runs through the
+/// cell continues it.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub struct Clearance {
