@@ -62,6 +62,13 @@ pub struct Note {
     pub file_number: u64,
 }
 
+impl Note {
+    /// Returns true if a frame of the simulator was verified.
+    pub fn has_verified(&self) -> bool {
+        self.verified.is_some()
+    }
+}
+
 /// A session that an earlier process watched.
 pub struct Earlier {
     /// `None` if no frame was verified.
