@@ -265,7 +265,8 @@ impl Edges {
     fn crossing(&self, edges: [u32; 2]) -> Result<Option<EdgeCrossing>, Stop> {
         let [p, q] = edges.map(|e| self.ends[e as usize]);
         let areas = |e: [Point; 2], ends: [Point; 2]| {
-            let seen = ends.map(|v| self.direction.area([e[0], e[1], v]));
+            let area = |v: Point| self.direction.area([e[0], e[1], v]);
+            let seen = [area(ends[0]), area(ends[1])];
             (seen[0].sign * seen[1].sign <= 0).then_some(seen)
         };
         let both = areas(p, q).and_then(|of_q| Some((of_q, areas(q, p)?)));

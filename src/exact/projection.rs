@@ -44,7 +44,7 @@ impl Direction {
 
     /// Returns the area of a triangle: positive if it is counterclockwise, 0 if its projection is
     /// on a line.
-    #[inline]
+    #[inline(always)]
     pub fn area(&self, [a, b, c]: [Point; 3]) -> Seen {
         let (value, bound) = determinant([sub(b, a), sub(c, a), self.0.map(f64::from)]);
         let sign = match value.abs() > bound {
