@@ -396,6 +396,134 @@ def test_wrapped_rings_are_unwrapped_along_their_bonds():
     assert links(frame) == 1
 
 
+TILTED = np.array([[6, 0, 0], [2.1, 6, 0], [2.1, 1.8, 6]])
+
+
+def test_the_cell_of_gsd_has_its_tilt_factors(tmp_path):
+    """Regression test: they were taken for cosines of angles, and a wrong cell was intact."""
+    needs("MDAnalysis", "gsd")
+    hoomd = pytest.importorskip("gsd.hoomd", reason="gsd is not installed")
+    with hoomd.open(tmp_path / "a.gsd", "w") as file:
+        for xy in (0.35, 1.2):
+            frame = hoomd.Frame()
+            frame.configuration.box = [6, 6, 6, xy, 0.35, 0.3]
+            frame.particles.N = 24
+            frame.particles.position = POINTS
+            frame.bonds.N = 24
+            frame.bonds.group = EDGES
+            file.append(frame)
+    for of_file in (linkwatch.read(tmp_path / "a.gsd"), linkwatch.read(*[tmp_path / "a.gsd"] * 2)):
+        cells = [frame.cell[:3] for frame in of_file]
+        np.testing.assert_allclose(cells[0], TILTED, atol=1e-6)
+        np.testing.assert_allclose(cells[1], TILTED + [[0] * 3, [5.1, 0, 0], [0] * 3], atol=1e-6)
+    made = pytest.importorskip("MDAnalysis").Universe(str(tmp_path / "a.gsd"))
+    np.testing.assert_allclose(next(iter(io.from_mdanalysis(made))).cell[:3], TILTED, atol=1e-6)
+    made.transfer_to_memory()
+    with pytest.raises(ValueError, match="other angles than the GSD file: give `cell`"):
+        io.from_mdanalysis(made)
+
+
+def extended_xyz(frames, comment):
+    """Returns extended XYZ."""
+    rows = ("".join(f"C {x} {y} {z}\n" for x, y, z in points) for points in frames)
+    return "".join(f"24\n{comment}\n{one}" for one in rows)
+
+
+def test_a_trajectory_of_extended_xyz_has_its_lattice(tmp_path):
+    """Regression test: it was ignored, so that torn rings were intact."""
+    top = save(universe(cell=None), tmp_path / "a.pdb", bonds="all")
+    lattice = " ".join(map(str, TILTED.ravel()))
+    inside = POINTS @ np.linalg.inv(TILTED)
+    wrapped = (inside - np.floor(inside)) @ TILTED
+    for pbc, cell in (
+        ("", TILTED),
+        (' pbc="T T T"', TILTED),
+        (" pbc=[T, T, F]", TILTED * [[1], [1], [0]]),
+    ):
+        comment = f'Lattice="{lattice}" Properties=species:S:1:pos:R:3{pbc}'
+        points = POINTS if "F" in pbc else wrapped
+        path = written(tmp_path, "a.xyz", extended_xyz([points] * 2, comment))
+        for frame in linkwatch.read(top, path):
+            np.testing.assert_allclose(frame.cell[:3], cell)
+            assert links(frame) == 1
+    for comment, words in (
+        ('Lattice="9 9 9"', "no valid Lattice and pbc: .*: give `cell`"),
+        (f'Lattice="{lattice}" pbc="T T"', "no valid Lattice and pbc"),
+        ("Properties=id:I:1:species:S:1:pos:R:3", "MDAnalysis reads other columns"),
+        ("Properties=species:S:1:pos:R:3:id:I:1", "does not sort by id"),
+    ):
+        path = written(tmp_path, "b.xyz", extended_xyz([POINTS], comment))
+        with pytest.raises(ValueError, match=words):
+            linkwatch.read(top, path)
+    path = written(tmp_path, "b.xyz", extended_xyz([POINTS], 'Lattice="9 9 9"'))
+    assert next(iter(linkwatch.read(top, path, cell="none"))).cell is None
+
+
+def test_the_boundary_of_h5md_says_which_directions_repeat(tmp_path):
+    """Regression test: all did, so that images were linked that do not exist."""
+    needs("MDAnalysis")
+    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
+    made = universe(frames=2)
+    top = save(made, tmp_path / "a.pdb", bonds="all")
+    path = save(made, tmp_path / "a.h5md", convert_units=False)
+    for boundary, repeats in (
+        (["periodic", "periodic", "none"], [1, 1, 0]),
+        (["none"] * 3, [0, 0, 0]),
+        ("none", [0, 0, 0]),
+        (["periodic"] * 3, [1, 1, 1]),
+    ):
+        # Vectors that are not lower triangular, which MDAnalysis turns.
+        for edges in (np.diag([40.0, 50, 60]), np.array([[40.0, 5, 0], [0, 50, 7], [0, 0, 60]])):
+            with h5py.File(path, "r+") as file:
+                (group,) = file["particles"].values()
+                group["box"].attrs["boundary"] = boundary
+                group["box"].pop("edges")
+                group["box"]["edges"] = edges
+            for frame in linkwatch.read(top, path):
+                if any(repeats):
+                    expected = edges * np.reshape(repeats, (3, 1))
+                    np.testing.assert_allclose(frame.cell[:3], expected, rtol=1e-6)
+                else:
+                    assert frame.cell is None
+
+
+def test_dumps_beside_other_topologies_have_their_boundaries_and_ids(tmp_path):
+    """Regression test: all directions repeated, and without ids the order was that of the lines."""
+    top = save(universe(), tmp_path / "a.pdb", bonds="all")
+    text = dump([POINTS, POINTS])
+
+    def read(*changes):
+        found = text
+        for old, new in changes:
+            assert old in found
+            found = found.replace(old, new)
+        return list(linkwatch.read(top, written(tmp_path, "a.lammpstrj", found)))
+
+    assert [links(frame) for frame in read()] == [1, 1]
+    for kinds, repeats in (
+        ("pp pp ff", [1, 1, 0]), ("pp fs mm", [1, 0, 0]), ("ff ff ff", 0), ("", [1, 1, 1])
+    ):  # fmt: skip
+        for frame in read(("pp pp pp", kinds)):
+            if not any(np.ravel(repeats)):
+                assert frame.cell is None
+            else:
+                np.testing.assert_allclose(frame.cell[:3], np.diag(CELL[:3]) * repeats)
+    bounds = ("0 10\n0 11\n0 12\n", "0 12 2\n0 11 0\n0 12 0\n")
+    for frame in read(("pp pp pp", "xy xz yz pp pp ff"), bounds):
+        np.testing.assert_allclose(frame.cell[:3], [[10, 0, 0], [2, 11, 0], [0, 0, 0]], atol=1e-5)
+    with pytest.raises(ValueError, match="without the column id .* write it"):
+        read(("ATOMS id", "ATOMS type"))
+    with pytest.raises(ValueError, match=r"no general triclinic box \(abc origin\): give a data"):
+        read(("pp pp pp", "abc origin pp pp pp"))
+    before, line, after = text.rpartition("\n24 ")
+    found = before + "\n25 " + after
+    frames = linkwatch.read(top, written(tmp_path, "b.lammpstrj", found))
+    assert [frame.rejected for frame in frames] == [
+        None,
+        "the ids of its atoms are not those of the first frame, each once",
+    ]
+
+
 def test_a_ring_around_the_cell_is_a_yarn():
     line = np.stack([np.arange(10.0), np.zeros(10), np.zeros(10)], axis=1)
     bonds = [(i, (i + 1) % 10) for i in range(10)]

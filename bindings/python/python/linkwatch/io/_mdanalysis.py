@@ -58,7 +58,14 @@ def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
     ways: list[dict[str, Any]] = [{}]
     for path in paths[1:]:
         if is_dump(path):
-            ways = [{"format": "LAMMPSDUMP"}]
+            ways = [{"format": "LAMMPSDUMP", "additional_columns": ["id"]}]
+            with open(path, "rb") as file:
+                if b"BOX BOUNDS abc" in file.read(1 << 10):
+                    raise ValueError(
+                        f"{path}: MDAnalysis reads no general triclinic box (abc origin): give a "
+                        "data file of LAMMPS with the bonds, such as melt.data, in place of "
+                        f"{paths[0]}"
+                    )
         elif path.suffix.lower() in H5MD:
             # Units are optional.
             ways = [{"format": "H5MD"}, {"format": "H5MD", "convert_units": False}]
@@ -154,7 +161,7 @@ def frames_of_atoms(
                 by_id = passed_over.order(now)
                 positions = positions if by_id is None else positions[by_id]
                 if options.cell is None:
-                    cell = _cell(passed_over.dimensions(now))
+                    cell = passed_over.cell(now)
             except ValueError as why:
                 unfit = str(why)
             yield Scene(
@@ -195,20 +202,6 @@ def _unit(trajectory: Any) -> str:
         return COUNTED[0] if "step" in trajectory.ts.data else COUNTED[1]
     converted = getattr(trajectory, "convert_units", True)
     return "ps" if converted else str(trajectory.units.get("time") or "the unit of the simulation")
-
-
-def _cell(dimensions: Array | None) -> Array | None:
-    """Returns the cell with some edges and angles: an edge of 0 stands for no repetition."""
-    if dimensions is None or not dimensions[:3].any():
-        return None
-    core = library("MDAnalysis.lib.mdamath", "mdanalysis")
-    edges, angles = np.hsplit(dimensions, 2)
-    repeats = edges != 0
-    box = [*np.where(repeats, edges, 1.0), *angles]
-    vectors = core.triclinic_vectors(box, dtype=np.float64) * repeats[:, None]
-    if not vectors.any():
-        raise ValueError(f"no periodic cell has the edges {edges} and the angles {angles}")
-    return np.vstack([vectors, np.zeros(3)])
 
 
 def _bonded(atoms: Any, scene: Scene) -> list[Molecule] | None:

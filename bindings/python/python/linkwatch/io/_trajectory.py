@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +24,13 @@ PDB = (".pdb", ".ent")
 H5MD = (".h5md", ".h5", ".hdf5")
 # First bytes of the frames of an .xtc file.
 XTC = 1995
+# Columns of extended XYZ that are not an element and the position, or say the order; its cell.
+OTHER = re.compile(r"\bproperties\s*=(?!\s*[\"']?\w+:\w:1:pos:R:3)|\bid:I:1\b", re.I)
+LATTICE = re.compile(r"""\blattice\s*=\s*["'{[]?([^"'}=]*)""", re.I)
+PBC = re.compile(r"""\bpbc\s*=\s*(?:["'{[]([^"'}\]]*)|(\w+))""", re.I)
+FLAGS = {**dict.fromkeys(("t", "true", "1"), True), **dict.fromkeys(("f", "false", "0"), False)}
+
+OTHER_IDS = "the ids of its atoms are not those of the first frame, each once"
 
 
 class PassedOver:
@@ -36,7 +44,41 @@ class PassedOver:
         self._cells: dict[int, Array | None] = {}
         self._begins: dict[int, bool] = {}
 
-    def dimensions(self, now: Any) -> Array | None:
+    def cell(self, now: Any) -> Array | None:
+        """Returns the vectors of the cell, of which those of directions that do not repeat are
+        zeros, and its corner.
+
+        Raises:
+            ValueError: the file does not tell the cell, or MDAnalysis computes another one.
+        """
+        reader, frame = self._reader(now)
+        kind, box = getattr(reader, "format", ""), self._dimensions(now)
+        if kind == "GSD" and not reader.transformations:
+            vectors = _vectors_of_gsd(reader._file.file, frame)
+        elif kind == "XYZ" and box is None:
+            vectors = _lattice(self._head(now)[1])
+        elif box is None or not box[:3].any():
+            return None
+        elif str(reader.filename).lower().endswith(".gsd") and (abs(box[3:] - 90) > 1e-4).any():
+            raise ValueError("MDAnalysis has other angles than the GSD file: give `cell`")
+        else:
+            vectors = _vectors(box)
+        if kind == "H5MD" and "edges" in reader._particle_group["box"]:
+            group = reader._particle_group["box"]
+            edges = np.asarray(group["edges/value"][frame], np.float64)
+            if edges.ndim == 2 and edges[0].any() and not reader.transformations:
+                # MDAnalysis turns the vectors. Those here have the unit of the positions.
+                vectors = edges * (box[0] / np.linalg.norm(edges[0]))
+            boundary = np.ravel(group.attrs.get("boundary", "periodic"))
+            is_none = [one in ("none", b"none") for one in boundary]
+            vectors[np.broadcast_to(is_none, 3)] = 0
+        elif kind == "LAMMPSDUMP":
+            # Three kinds of boundaries, after the tilt factors. Dumps of old versions have none.
+            kinds = [one for one in self._head(now)[4].split()[3:] if one not in ("xy", "xz", "yz")]
+            vectors[[k for k, one in enumerate(kinds) if one[0] != "p"]] = 0
+        return np.vstack([vectors, np.zeros(3)]) if vectors.any() else None
+
+    def _dimensions(self, now: Any) -> Array | None:
         """Returns the edges and angles of the cell, also if all models of a PDB file share it."""
         if now.dimensions is not None:
             return np.asarray(now.dimensions, np.float64)
@@ -45,13 +87,41 @@ class PassedOver:
             self._cells[id(reader)] = _cell_of_all_models(reader)
         return self._cells[id(reader)]
 
+    def _head(self, now: Any) -> list[str]:
+        """Returns the lines before the atoms of a frame in a text file."""
+        reader, frame = self._reader(now)
+        # The number of frames is counted with their places.
+        assert frame < len(reader)
+        open_it = library("MDAnalysis.lib.util", "mdanalysis").anyopen
+        with open_it(reader.filename) as file:
+            file.seek(reader._offsets[frame])
+            return [file.readline() for _ in range(9)]
+
     def order(self, now: Any) -> Array | None:
         """Returns the indices of the atoms in the order of their ids, if H5MD has them otherwise.
 
         Raises:
-            ValueError: the first frame has ids that do not ascend, or this one has other ids.
+            ValueError: the file does not tell the order, or the first frame has other ids.
         """
         reader, frame = self._reader(now)
+        kind = getattr(reader, "format", "")
+        if kind == "XYZ" and OTHER.search(self._head(now)[1]):
+            raise ValueError(
+                "MDAnalysis reads other columns, and does not sort by id: write the atoms in the "
+                "order of the topology, with Properties=species:S:1:pos:R:3"
+            )
+        if kind == "LAMMPSDUMP":
+            if "id" not in self._head(now)[8].split():
+                raise ValueError(
+                    "a dump without the column id does not tell which atom a line is: write it "
+                    "with the ids (dump custom .. id x y z)"
+                )
+            # Sorted by MDAnalysis, as the positions.
+            found = now.data.get("id", np.empty(0))
+            self._ids = found if self._ids is None else self._ids
+            if not (np.diff(found) > 0).all() or not np.array_equal(found, self._ids):
+                raise ValueError(OTHER_IDS)
+            return None
         group = getattr(reader, "_particle_group", {})
         if "id" not in group:
             return None
@@ -68,7 +138,7 @@ class PassedOver:
             return None
         order = np.argsort(found, kind="stable")
         if not np.array_equal(found[order], self._ids):
-            raise ValueError("the ids of its atoms are not those of the first frame, each once")
+            raise ValueError(OTHER_IDS)
         return order
 
     def has_other_bonds(self, now: Any) -> bool:
@@ -95,6 +165,45 @@ class PassedOver:
             return whole, now.frame
         k, frame = whole._get_local_frame(now.frame)
         return whole.readers[k], int(frame)
+
+
+def _vectors(box: Array) -> Array:
+    """Returns the vectors of a cell with some edges and angles: an edge of 0 stands for no
+    repetition."""
+    core = library("MDAnalysis.lib.mdamath", "mdanalysis")
+    edges, angles = np.hsplit(box, 2)
+    repeats = edges != 0
+    edged = [*np.where(repeats, edges, 1.0), *angles]
+    vectors: Array = core.triclinic_vectors(edged, dtype=np.float64) * repeats[:, None]
+    if not vectors.any():
+        raise ValueError(f"no periodic cell has the edges {edges} and the angles {angles}")
+    return vectors
+
+
+def _vectors_of_gsd(file: Any, frame: int) -> Array:
+    """Returns the vectors of the cell of a GSD file. Its tilt factors are no cosines of angles, as
+    which MDAnalysis takes them. A frame without a box has that of the first frame."""
+    box = np.array([1, 1, 1, 0, 0, 0])
+    for at in (0, frame):
+        if file.chunk_exists(frame=at, name="configuration/box"):
+            box = file.read_chunk(frame=at, name="configuration/box")
+    x, y, z, xy, xz, yz = box.astype(np.float64)
+    return np.array([[x, 0, 0], [xy * y, y, 0], [xz * z, yz * z, z]])
+
+
+def _lattice(comment: str) -> Array:
+    """Returns the vectors of the cell of a frame of extended XYZ, which MDAnalysis ignores."""
+    lattice, pbc = LATTICE.search(comment), PBC.search(comment)
+    if lattice is None:
+        return np.zeros((3, 3))
+    try:
+        numbers = re.split(r"[\s,[\]]+", lattice[1].strip(" ,[]"))[:9]
+        vectors = np.array(numbers, float).reshape(3, 3)
+        words = re.split(r"[\s,]+", (pbc[1] or pbc[2] or "").strip().lower()) if pbc else ["t"]
+        vectors[~np.broadcast_to([FLAGS[word] for word in words], 3)] = 0
+    except (ValueError, KeyError):
+        raise ValueError(f"no valid Lattice and pbc: {comment.strip()}: give `cell`") from None
+    return vectors
 
 
 def _bonds(reader: Any, frame: int) -> Array:
