@@ -784,6 +784,24 @@ def test_names_with_decimal_numbers_are_in_the_order_of_the_command(tmp_path):
         path.write_text(exploded([RING + [ordered.index(name), 0, 0]]))
     frames = linkwatch.read(*(tmp_path / name for name in names))
     assert [round(frame.positions[0, 0] - RING[0, 0]) for frame in frames] == [0, 1, 2, 3, 4]
+    assert "by the numbers in their names, not as they are given" in str(frames.summary)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [["start", "end"], ["run", "md"], ["t_-1", "t_0", "t_1"], ["t1", "u0"], ["b/t1", "a/t1"]],
+)
+def test_files_whose_names_differ_by_more_than_numbers_have_the_order_that_is_given(
+    tmp_path, names
+):
+    # Regression test: they were sorted by their names.
+    paths = [tmp_path / f"{name}.vtk" for name in names]
+    for k, path in enumerate(paths):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(exploded([RING + [k, 0, 0]]))
+    frames = linkwatch.read(*paths)
+    assert [round(frame.positions[0, 0] - RING[0, 0]) for frame in frames] == [*range(len(names))]
+    assert "by the numbers" not in str(frames.summary)
 
 
 def test_the_command_checks_all_frames_if_curves_change(tmp_path):

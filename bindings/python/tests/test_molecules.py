@@ -8,7 +8,7 @@ import pytest
 from linkwatch import io
 from linkwatch.io._curves import molecules, unwrapped
 from test_command import run
-from test_formats import EDGES, POINTS, needs, written
+from test_formats import EDGES, POINTS, RING, needs, written
 
 # Two linked rings of 12 beads, 10 apart in each direction of a cell of 10 x 11 x 12.
 CELL = [10, 11, 12, 90, 90, 90]
@@ -208,6 +208,29 @@ def test_all_models_of_a_pdb_file_have_the_cell_before_them(tmp_path):
     assert [frame.cell for frame in linkwatch.read(path, cell="none")] == [None] * 3
 
 
+def test_serial_numbers_of_pdb_that_bonds_need_are_unique(tmp_path):
+    """Regression test: bonds of the first ring were those of atoms with equal serial numbers."""
+    text = save(universe(frames=2), tmp_path / "a.pdb", bonds="all").read_text()
+    ids = [line[6:11] for line in text.splitlines() if line.startswith("ATOM")][:24]
+    assert len(set(ids)) == 24 and text.count("CONECT") >= 24
+    assert [frame.counts for frame in linkwatch.read(tmp_path / "a.pdb")] == [[-12, -12]] * 2
+    # The serial numbers of the second ring are those of the first one, or stars.
+    for shown, start in (("1", 0), (r"\*\*\*\*\*", None)):
+        found = "".join(
+            line[:6] + (ids[ids.index(line[6:11]) - 12] if start == 0 else "*****") + line[11:]
+            if line.startswith("ATOM") and line[6:11] in ids[12:]
+            else line
+            for line in text.splitlines(keepends=True)
+        )
+        path = written(tmp_path, "b.pdb", found)
+        with pytest.raises(ValueError, match=f"atoms have the serial number {shown}, so CONECT"):
+            linkwatch.read(path)
+        # Without CONECT, and beside a topology, they do not count.
+        alone = "".join(x for x in found.splitlines(keepends=True) if not x.startswith("CONECT"))
+        assert len(list(linkwatch.read(written(tmp_path, "c.pdb", alone), closed=True))) == 2
+        assert len(list(linkwatch.read(tmp_path / "a.pdb", path))) == 2
+
+
 def test_a_direction_of_a_cell_that_does_not_repeat_has_an_edge_of_0(tmp_path):
     """Regression test: the frame then had no cell at all."""
     points = np.vstack([POINTS[:12], POINTS[12:] + [10, 0, 0]])
@@ -323,7 +346,7 @@ def test_copies_of_files_with_equal_names_are_apart(tmp_path):
     for k, path in enumerate(paths):
         path.parent.mkdir()
         lines = save(made, tmp_path / "a.pdb", bonds=None).read_text().splitlines(keepends=True)
-        atoms = [line for line in lines if line.startswith("ATOM")]
+        atoms = [line for line in lines if line.startswith("ATOM")][:24]
         frames = [atoms[:24], atoms[24:48]] if k == 0 else [atoms[24:48], atoms[48:]]
         path.write_text("".join("".join([*frame, "END\n"]) for frame in frames))
     x = [frame.positions[0, 0] for frame in linkwatch.read(top, *paths)]
@@ -716,6 +739,18 @@ def test_ring_strands_of_oxdna_are_linked(tmp_path, top):
     # The topology of the same name is taken.
     alone = written(tmp_path, "a.conf", oxdna())
     assert len(list(linkwatch.read(alone))) == 1
+
+
+def test_trajectories_of_oxdna_have_the_order_that_is_given(tmp_path):
+    """Regression test: `md` came before `relax`, and a pull-through was missed."""
+    top = written(tmp_path, "a.top", OLD)
+    paths = [written(tmp_path, f"{name}.dat", oxdna(1, POINTS + [k, 0, 0])) for k, name in
+             enumerate(("relax", "md", "md2", "md10"))]  # fmt: skip
+    for given, expected in ((paths, [0, 1, 2, 3]), (paths[:1:-1], [2, 3]), (paths[:2], [0, 1])):
+        frames = linkwatch.read(top, *given)
+        x = [frame.positions[0, 0] - RING[0, 0] for frame in frames]
+        np.testing.assert_allclose(x, expected, atol=1e-6)
+        assert ("by the numbers in their names" in str(frames.summary)) == (given[0] is paths[3])
 
 
 def test_open_strands_of_oxdna_are_unwrapped(tmp_path):

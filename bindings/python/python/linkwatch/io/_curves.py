@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from .. import _linkwatch
 from ._frames import Frame, Frames, LeftOut, Summary
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from typing import Any
 
     import numpy.typing as npt
@@ -256,13 +257,14 @@ def unwrapped(points: Array, counts: list[int], cell: Array) -> tuple[Array, lis
 def frames_of_files(
     paths: Sequence[Path], parse: Callable[[Path], Scene], options: Options
 ) -> Frames:
-    """Returns the frames of files of one frame each, in the order of the numbers in their names."""
-    ordered = in_order(paths)
+    """Returns the frames of files of one frame each."""
+    ordered, notes = in_order(paths)
 
     def scenes() -> Iterator[Scene]:
-        for path in ordered:
+        for k, path in enumerate(ordered):
             scene = parse(path)
             scene.place = scene.place or str(path)
+            scene.notes += notes * (k == 0)
             yield scene
 
     return frames_of_scenes(ordered[0], scenes, options, len(ordered))
@@ -290,9 +292,14 @@ def is_dump(path: Path) -> bool:
         return file.read(5) == b"ITEM:"
 
 
-def in_order(paths: Iterable[Path]) -> list[Path]:
-    """Sorts files by the numbers in their names, as the command does."""
-    return [Path(path) for path in _linkwatch.sorted_by_number(list(paths))]
+def in_order(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """Sorts files by the numbers in their names, as the command does, if the names have no other
+    differences. Returns a note as well if that changes the order."""
+    if len({re.sub(r"\d+(\.\d+)?", "0", str(path)) for path in paths}) > 1:
+        return [*paths], []
+    found = [Path(path) for path in _linkwatch.sorted_by_number(list(paths))]
+    said = "files follow one another by the numbers in their names, not as they are given"
+    return found, [said] * (found != [*paths])
 
 
 def _times(vectors: Array, matrix: Array) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 import warnings
 import weakref
 from pathlib import Path
@@ -24,7 +23,14 @@ from ._curves import (
     plural,
 )
 from ._frames import Summary, library
-from ._trajectory import H5MD, PassedOver, as_mdanalysis_reads, check_ends, check_number_of_frames
+from ._trajectory import (
+    H5MD,
+    PassedOver,
+    as_mdanalysis_reads,
+    check_ends,
+    check_number_of_frames,
+    check_serials,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -50,10 +56,10 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
 
 def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
     mda = library("MDAnalysis", "mdanalysis")
-    given, paths = paths, [paths[0], *_in_order(paths[1:])]
+    trajectories, notes = in_order(paths[1:])
+    paths = [paths[0], *trajectories]
     # Files of several folders may have the same name.
     read = [str(as_mdanalysis_reads(one, folder / str(k))) for k, one in enumerate(paths)]
-    topology, *trajectories = read
     # MDAnalysis goes by the suffix, of which H5MD and dumps of LAMMPS have several.
     ways: list[dict[str, Any]] = [{}]
     for path in paths[1:]:
@@ -74,7 +80,7 @@ def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
         warnings.simplefilter("ignore")
         for way in ways:
             try:
-                universe = mda.Universe(topology, *trajectories, to_guess=(), **way)
+                universe = mda.Universe(*read, to_guess=(), **way)
                 atoms = universe.select_atoms(options.select)
                 trajectory = universe.trajectory
                 break
@@ -91,19 +97,7 @@ def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
             f"topology before it, such as melt.psf {paths[0]}"
         )
     check_ends(paths[1:] or paths, trajectory)
-    notes = []
-    if paths != [*given]:
-        notes.append("trajectories follow one another by the numbers in their names")
     return frames_of_atoms(atoms, options, trajectory, paths[0], notes)
-
-
-def _in_order(paths: Sequence[Path]) -> Sequence[Path]:
-    """Sorts files by the numbers in their names, if the names have no other differences."""
-    names = [Path(path.name) for path in paths]
-    numbered = len({re.sub(r"\d+", "0", str(name)) for name in names}) == 1
-    if not numbered or len(set(names)) < len(names):
-        return paths
-    return [paths[names.index(name)] for name in in_order(names)]
 
 
 def _said(why: Exception) -> str:
@@ -126,6 +120,7 @@ def frames_of_atoms(
     if not len(atoms):
         raise ValueError(f"{path}: no atoms are selected")
     check_number_of_frames(universe.trajectory)
+    check_serials(Path(str(universe.filename)))
     options.unwrap = options.unwrap is not False
     topology = Scene(notes=[*notes])
     found = _bonded(atoms, topology)

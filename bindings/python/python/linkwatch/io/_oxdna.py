@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 def read(paths: Sequence[Path], options: Options) -> Frames:
-    """Opens configurations, which are read in the order of the numbers in their names."""
+    """Opens a topology and configurations."""
     tops = [path for path in paths if path.suffix.lower() == ".top"]
-    others = in_order(path for path in paths if path not in tops)
+    others, notes = in_order([path for path in paths if path not in tops])
     if not others:
         raise ValueError(f"{tops[0]}: a topology without a configuration: give the .dat file, too")
     beside = others[0].with_suffix(".top")
@@ -31,7 +31,7 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
         raise ValueError(f"{others[0]}: give its topology (.top), too: {len(tops)} are given")
     strands, number = _strands(tops[0])
     options.unwrap = options.unwrap is not False
-    frames = frames_of_scenes(others[0], lambda: _scenes(others, strands, number), options)
+    frames = frames_of_scenes(others[0], lambda: _scenes(others, strands, number, notes), options)
     frames.summary.time_unit = "steps of the simulation"
     return frames
 
@@ -102,12 +102,13 @@ def _bases(sequence: str) -> list[str]:
 
 
 def _scenes(
-    paths: Sequence[Path], strands: list[tuple[list[int], bool]], number: int
+    paths: Sequence[Path], strands: list[tuple[list[int], bool]], number: int, notes: list[str]
 ) -> Iterator[Scene]:
     """Yields the configurations of files."""
     curves = [(k, nodes, ring) for k, (nodes, ring) in enumerate(strands) if len(nodes) > 1]
     order = [node for _, nodes, _ in curves for node in nodes]
     single = len(strands) - len(curves)
+    notes = notes + [f"{single} strands of one nucleotide are no curves"] * (single > 0)
     for path in paths:
         lines = Lines(path)
         with lines.file:
@@ -117,7 +118,7 @@ def _scenes(
                     points=points[order],
                     counts=[-len(nodes) if ring else len(nodes) for _, nodes, ring in curves],
                     names=[f"strand {k + 1}" for k, _, _ in curves],
-                    notes=[f"{single} strands of one nucleotide are no curves"] if single else [],
+                    notes=notes,
                     cell=np.vstack([np.diag(box), np.zeros(3)]) if all(box) else None,
                     time=time,
                     place=str(path),

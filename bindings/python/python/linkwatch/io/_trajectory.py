@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import struct
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,7 +60,7 @@ class PassedOver:
             vectors = _lattice(self._head(now)[1])
         elif box is None or not box[:3].any():
             return None
-        elif str(reader.filename).lower().endswith(".gsd") and (abs(box[3:] - 90) > 1e-4).any():
+        elif str(reader.filename).lower().endswith(".gsd") and not (abs(box[3:] - 90) < 1e-4).all():
             raise ValueError("MDAnalysis has other angles than the GSD file: give `cell`")
         else:
             vectors = _vectors(box)
@@ -67,8 +68,8 @@ class PassedOver:
             group = reader._particle_group["box"]
             edges = np.asarray(group["edges/value"][frame], np.float64)
             if edges.ndim == 2 and edges[0].any() and not reader.transformations:
-                # MDAnalysis turns the vectors. Those here have the unit of the positions.
-                vectors = edges * (box[0] / np.linalg.norm(edges[0]))
+                # MDAnalysis turns the vectors. These have the unit of the positions.
+                vectors = edges * np.linalg.norm(vectors[0]) / np.linalg.norm(edges[0])
             boundary = np.ravel(group.attrs.get("boundary", "periodic"))
             is_none = [one in ("none", b"none") for one in boundary]
             vectors[np.broadcast_to(is_none, 3)] = 0
@@ -343,6 +344,33 @@ def _has_several_frames(path: Path) -> bool:
         # A title, the number of atoms, the atoms, and the cell.
         return any(line.strip() for line in lines[int(lines[1]) + 3 :])
     return sum(line.startswith(b"MODEL") for line in lines) > 1
+
+
+def check_serials(path: Path) -> None:
+    """Raises an error if CONECT of a PDB file does not tell the atoms: its serial numbers have five
+    digits, so they begin again after 99,999 atoms, and MDAnalysis takes the last of equal ones."""
+    if path.suffix.lower() not in (*PDB, ".xpdb") or not path.is_file():
+        return
+    serials: Counter[str] = Counter()
+    bonded: set[str] = set()
+    is_first = True
+    with open(path, encoding="latin-1") as file:
+        for line in file:
+            if line.startswith("CONECT"):
+                text = line[6:].rstrip()
+                bonded.update(text[k : k + 5].strip() for k in range(0, len(text), 5))
+            elif is_first and line.startswith(("ATOM", "HETATM")):
+                serials[line[6:11].strip()] += 1
+            # The first model is the topology.
+            is_first = is_first and not line.startswith("END")
+    twice = next((one for one in serials if serials[one] > 1 and one in bonded), None)
+    # MDAnalysis drops all bonds if serial numbers are stars.
+    if twice or bonded and "*****" in serials:
+        raise ValueError(
+            f"{path}: {serials[twice or '*****']} atoms have the serial number "
+            f"{twice or '*****'}, so CONECT does not tell the bonds: give a topology that has "
+            f"them before it, such as melt.psf {path}"
+        )
 
 
 def check_ends(paths: Sequence[Path], trajectory: Any) -> None:
