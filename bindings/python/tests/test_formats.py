@@ -7,6 +7,7 @@ import importlib.util
 import json
 import lzma
 import pickle
+import re
 import struct
 import zlib
 
@@ -14,7 +15,7 @@ import linkwatch
 import numpy as np
 import pytest
 from linkwatch import io
-from linkwatch._command import OWN, convert
+from linkwatch._command import OWN, convert, main
 from test_command import run
 
 # Rings of 12 points; one is in the plane z = 0, the other one in y = 0.
@@ -672,8 +673,103 @@ def test_formats_of_meshio_are_read(tmp_path):
     (frame,) = frames
     assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
     assert frames.summary.left_out == ["1 curved line (line3)"]
-    with pytest.raises(ValueError, match="not a valid mesh"):
+    with pytest.raises(ValueError, match="meshio cannot read this mesh"):
         linkwatch.read(written(tmp_path, "b.msh", "solid x"))
+
+
+def abaqus(*parts, end=""):
+    """Returns an Abaqus file with a ring for each part."""
+    text = "*HEADING\nrings\n"
+    for ring, first in parts:
+        points = enumerate(ring, first)
+        nodes = "".join(f"{k}, {x:.6f}, {y:.6f}, {z:.6f}\n" for k, (x, y, z) in points)
+        pairs = [(k + first, (k + 1) % 12 + first) for k in range(12)]
+        elements = "".join(f"{a}, {a}, {b}\n" for a, b in pairs)
+        text += f"*Node\n{nodes}*ELEMENT, TYPE=B31\n{elements}"
+    return text + end
+
+
+def nastran(element="CROD,{k},1,{a},{b}", end="ENDDATA\n"):
+    """Returns a Nastran file with two rings, the second one of an element."""
+    text = "SOL 101\nCEND\nBEGIN BULK\n"
+    for k, (x, y, z) in enumerate(POINTS, 1):
+        text += f"GRID,{k},,{x:.5f},{y:.5f},{z:.5f}\n"
+    for k, (a, b) in enumerate(EDGES, 1):
+        one = element if k > 12 else "CROD,{k},1,{a},{b}"
+        text += one.format(k=k, a=a + 1, b=b + 1) + "\n"
+    return text + end
+
+
+@pytest.mark.parametrize(
+    "name, content, words",
+    [
+        # Regression tests: points were those of another part, or in another system.
+        ("a.inp", abaqus((RING, 1), (OTHER, 1)), r"line 29: \*Node is not read: write a flat file"),
+        ("a.inp", abaqus((RING, 1), (OTHER, 13)), r"line 29: \*Node is not read"),
+        ("a.inp", abaqus((RING, 1), end="*Instance, name=A, part=B\n"), r"\*Instance, .* not read"),
+        ("a.inp", abaqus((RING, 1)).replace("*Node", "*NODE, SYSTEM=C"), "SYSTEM=C is not read"),
+        ("a.inp", abaqus((RING, 1), end="*INCLUDE, INPUT=b.inp\n"), "b.inp is not read"),
+        ("a.bdf", nastran().replace("GRID,3,,", "GRID,3,8,"), "GRID,3,8,.* is not read: write one"),
+        ("a.bdf", nastran().replace("CROD,1,", "GRDSET,,8\nCROD,1,"), "GRDSET,,8 is not read"),
+        ("a.bdf", nastran(end="INCLUDE 'b.bdf'\nENDDATA\n"), "INCLUDE 'b.bdf' is not read"),
+        # Regression test: meshio did not end.
+        ("a.bdf", "SOL 101\nCEND\nBEGIN BULK", "no cards after BEGIN BULK"),
+        ("a.bdf", "SOL 101\nCEND\nBEGIN BULK\n$ comment\n", "no cards after BEGIN BULK"),
+        # Regression tests: errors of meshio had other types, and its reason was `1`.
+        ("a.inp", abaqus((RING, 1)).replace("1, 1, 2", "1, 1, 77"), "this mesh: KeyError: .*77"),
+        ("a.inp", abaqus((RING, 1)).replace("B31", "B99"), "Element type not available: B99"),
+        ("a.bdf", nastran(end=""), "this mesh: Premature EOF"),
+        ("a.mesh", "", "meshio cannot read this mesh: "),
+    ],
+)
+def test_a_mesh_that_meshio_cannot_read_is_refused(tmp_path, name, content, words):
+    needs("meshio")
+    path = written(tmp_path, name, content)
+    with pytest.raises(ValueError, match=words) as error:
+        linkwatch.read(path)
+    assert str(error.value).startswith(str(path))
+
+
+def test_a_file_that_cannot_be_read_has_no_verdict(tmp_path):
+    # Regression test: an exception ended with the exit code of a changed topology.
+    needs("meshio")
+    path = written(tmp_path, "a.inp", abaqus((RING, 1)).replace("1, 1, 2", "1, 1, 77"))
+    for words in (["check"], ["certify"], ["measure", "writhe"]):
+        code, _, err = run(*words, path)
+        assert code == 2 and "this mesh: KeyError: " in err.splitlines()[-1], (words, code, err)
+    code, out, _ = run("check", "--each", "--json", path)
+    assert code == 2 and "KeyError: " in json.loads(out.splitlines()[0])["error"], out
+
+
+@pytest.mark.parametrize("kind", [KeyError, MemoryError, BaseException])
+def test_an_exception_ends_the_command_with_2(monkeypatch, capsys, kind):
+    def fail(*_):
+        raise kind("a\nb")
+
+    monkeypatch.setattr("linkwatch._command._run", fail)
+    monkeypatch.setattr("sys.argv", ["linkwatch", "certify", "a.bcc"])
+    assert main() == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith(f"error: {kind.__name__}: ")
+
+
+@pytest.mark.parametrize(
+    "element, raw",
+    [
+        ("CTUBE,{k},1,{a},{b}", "CTUBE"),
+        ("CELAS2,{k},1.0,{a},1,{b},1", "CELAS2"),
+        ("PLOTEL,{k},{a},{b}", "PLOTEL"),
+        ("CROD*,{k},1,{a},{b}", r"CROD\*"),
+        ("ctube,{k},1,{a},{b}", "ctube"),
+    ],
+)
+def test_elements_of_nastran_that_are_not_read_are_counted(tmp_path, element, raw):
+    needs("meshio")
+    frames = linkwatch.read(written(tmp_path, "a.bdf", nastran(element)))
+    assert next(iter(frames)).counts == [-12]
+    (said,) = frames.summary.left_out
+    assert re.match(rf"12 elements {raw} \(the first one: {raw},13,", said)
+    whole = linkwatch.read(written(tmp_path, "b.bdf", nastran()))
+    assert next(iter(whole)).counts == [-12, -12] and not whole.summary.left_out
 
 
 def test_blocks_of_lz4_are_read(tmp_path, monkeypatch):

@@ -346,7 +346,7 @@ def test_copies_of_files_with_equal_names_are_apart(tmp_path):
     for k, path in enumerate(paths):
         path.parent.mkdir()
         lines = save(made, tmp_path / "a.pdb", bonds=None).read_text().splitlines(keepends=True)
-        atoms = [line for line in lines if line.startswith("ATOM")][:24]
+        atoms = [line for line in lines if line.startswith("ATOM")]
         frames = [atoms[:24], atoms[24:48]] if k == 0 else [atoms[24:48], atoms[48:]]
         path.write_text("".join("".join([*frame, "END\n"]) for frame in frames))
     x = [frame.positions[0, 0] for frame in linkwatch.read(top, *paths)]

@@ -7,6 +7,7 @@ import pathlib
 import signal
 import sys
 import tempfile
+import traceback
 
 from ._linkwatch import command
 
@@ -30,6 +31,20 @@ OWN = (".bcc", ".npy", ".npz", ".mcap", ".obj", ".vect", ".xyz", ".extxyz", ".du
 
 def main() -> int:
     """Runs the command with the arguments of the process, and returns its exit code."""
+    try:
+        return _main()
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as why:  # a panic is no Exception
+        # The exit code of Python is 1, which is a verdict.
+        traceback.print_exc()
+        said = " ".join(f"{type(why).__name__}: {why}".split())
+        print(f"error: {said}: please report this, with the lines above", file=sys.stderr)
+        return 2
+
+
+def _main() -> int:
+    """Runs the command: see :func:`main`."""
     # Replaces a closed standard stream, whose descriptor the next opened file would get.
     for stream in range(3):
         try:

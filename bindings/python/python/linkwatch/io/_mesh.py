@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import base64
+import contextlib
+import io
 import lzma
+import re
 import zlib
+from itertools import takewhile
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
@@ -333,7 +337,7 @@ def read_xml(path: Path) -> Scene:
     file = _Xml(path)
     for array in file.root.iter("DataArray"):
         if (array.get("Name") or "").lower() == "timevalue":
-            scene.time = float(file.array(array)[0])
+            scene.time = float(next(iter(file.array(array)), scene.time))
     return _lines(scene, np.concatenate(points) if points else np.empty((0, 3)), lines)
 
 
@@ -345,7 +349,7 @@ class _Xml:
         data = path.read_bytes()
         head, mark, tail = data.partition(b"<AppendedData")
         self.appended = b""
-        raw = b'"raw"' in tail[:100]
+        raw = re.search(rb"""encoding\s*=\s*["']raw["']""", tail.partition(b">")[0]) is not None
         if mark:
             # Raw bytes are no XML.
             self.appended = tail[tail.find(b"_") + 1 :]
@@ -578,14 +582,25 @@ def _text_columns(rows: list[list[str]], properties: list[list[str]]) -> dict[st
 def read_meshio(path: Path) -> Scene:
     """Reads the edges (beams, trusses) of a mesh by ``meshio``."""
     meshio = library("meshio", "mesh")
-    try:
-        mesh = meshio.read(path)
-    except (meshio.ReadError, SystemExit) as why:
-        raise ValueError(f"{path}: not a valid mesh: {why}") from None
     scene = Scene(place=str(path))
+    if path.suffix.lower() == ".inp":
+        _check_abaqus(path)
+    elif path.suffix.lower() in (".bdf", ".nas", ".fem"):
+        _check_nastran(path, scene)
+    printed = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(printed):
+            mesh = meshio.read(path)
+    except ImportError:
+        raise
+    except (Exception, SystemExit) as why:  # meshio raises many kinds, and prints why it exits
+        exits = isinstance(why, SystemExit)
+        said = printed.getvalue() if exits else f"{type(why).__name__}: {why}"
+        said = " ".join(said.split())
+        raise ValueError(f"{path}: meshio cannot read this mesh: {said}") from why
     points = np.asarray(mesh.points)
-    if points.shape[1] != 3:
-        raise ValueError(f"{path}: points in {points.shape[1]} dimensions, expected 3")
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"{path}: points of the shape {points.shape}, expected 3 dimensions")
     lines: list[Array] = []
     for block in mesh.cells:
         if block.type == "line":
@@ -593,6 +608,58 @@ def read_meshio(path: Path) -> Scene:
         elif block.type.startswith(("line", "VTK_LAGRANGE_CURVE", "VTK_BEZIER_CURVE")):
             scene.left_out.add("curved line", "curved lines", block.type, len(block.data))
     return _lines(scene, points, lines)
+
+
+# Keywords of Abaqus that make, move, copy or include nodes or elements, which meshio ignores.
+ABAQUS = "INSTANCE SYSTEM NGEN NCOPY NFILL NMAP ELGEN ELCOPY INCLUDE SUBSTRUCTURE"
+
+
+def _check_abaqus(path: Path) -> None:
+    """Raises an error if a file has nodes or elements that meshio reads wrong."""
+    blocks = 0
+    for number, line in enumerate(path.read_text(encoding="latin-1").splitlines(), 1):
+        word, *rest = line.upper().replace(" ", "").split(",")
+        keyword = word[1:] if word[:1] == "*" != word[1:2] else ""
+        blocks += keyword == "NODE"
+        from_file = keyword in ("NODE", "ELEMENT") and any(
+            one.startswith(("INPUT=", "SYSTEM=")) and one != "SYSTEM=R" for one in rest
+        )
+        if keyword in ABAQUS.split() or from_file or keyword == "NODE" and blocks > 1:
+            raise ValueError(
+                f"{path}, line {number}: {line.strip()} is not read: write a flat file, with one "
+                "*NODE of global coordinates and no parts"
+            )
+
+
+# Elements of Nastran with two ends or more that meshio does not read as lines, and those that it
+# reads if the name is in capitals and in the small format.
+NASTRAN = (
+    "CBEAM3 CBEND CDAMP1 CDAMP2 CDAMP3 CDAMP4 CELAS1 CELAS2 CELAS3 CELAS4 CFAST CONROD CTUBE CVISC "
+    "CWELD PLOTEL RBAR RROD"
+)
+NASTRAN_LINES = "CBAR CBEAM CBUSH CBUSH1D CGAP CROD"
+
+
+def _check_nastran(path: Path, scene: Scene) -> None:
+    """Raises an error if a file has points that meshio reads wrong, and counts elements that it
+    does not read."""
+    lines = iter(path.read_text(encoding="latin-1").splitlines())
+    before = list(takewhile(lambda line: not line.strip().startswith("BEGIN BULK"), lines))
+    cards = [line for line in lines if len(line) > 2 and not line.startswith(("$", "//", "#"))]
+    if not cards:
+        raise ValueError(f"{path}: no cards after BEGIN BULK: add it before the first GRID")
+    for card in [*before, *takewhile(lambda line: not line.startswith("ENDDATA"), cards)]:
+        width = 16 if "*" in card[:8] else 8
+        fields = card.split(",") if "," in card else [card[:8], "", card[8 + width :][:width]]
+        word, system = fields[0].strip(), "".join(fields[2:3]).strip()
+        name = word.upper().rstrip("* ")
+        if name.startswith("INCLUDE") or name in ("GRID", "GRDSET") and system not in ("", "0"):
+            raise ValueError(
+                f"{path}: {card.strip()} is not read: write one file, with GRID in the basic "
+                "coordinate system"
+            )
+        if name in NASTRAN.split() or name in NASTRAN_LINES.split() and name != word:
+            scene.left_out.add(f"element {word}", f"elements {word}", card.strip())
 
 
 def read_files(parse: Callable[[Path], Scene]) -> Callable[[Sequence[Path], Options], Frames]:
