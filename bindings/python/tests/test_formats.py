@@ -911,6 +911,78 @@ def test_the_command_checks_all_frames_if_curves_change(tmp_path):
     assert "files: check them with" not in err
 
 
+def test_a_check_keeps_curves_open_that_the_reader_keeps_open(tmp_path):
+    # Regression test: the session closed them all the same.
+    path = written(tmp_path, "coils.a", coils())
+    for run_ in (
+        linkwatch.check([path, path], closed=False),
+        linkwatch.check(linkwatch.read(path, path, closed=False)),
+        linkwatch.check(linkwatch.read(path, path, keep_open=True)),
+    ):
+        assert "2 open curves" in run_.summary, run_.summary
+    assert "open" not in linkwatch.check([path, path]).summary
+    code, out, err = run("check", path, path, "--closed=false", "--keep-open")
+    assert code == 0 and "2 open curves" in out, (out, err)
+    code, out, err = run("check", path, path, "--closed=false")
+    assert code == 0 and "2 open curves" in out, (out, err)
+
+
+@pytest.mark.parametrize("option", ["closed", "unwrap", "keep_open", "one_motion"])
+def test_flags_of_read_are_true_or_false(tmp_path, option):
+    # Regression test: the text "false" was true.
+    path = written(tmp_path, "coils.a", coils())
+    for value in ("false", 0):
+        with pytest.raises(TypeError, match=f"{option} is .*, expected True or False"):
+            linkwatch.read(path, **{option: value})
+
+
+def test_files_that_do_not_say_it_have_counts(tmp_path):
+    # Regression test: the message named an option that `read` and `check` did not have.
+    np.save(tmp_path / "a.npy", np.array([POINTS, POINTS]))
+    text = written(tmp_path, "a.txt", rows(POINTS))
+    atoms = "".join(f"C {row}\n" for row in rows(POINTS).splitlines())
+    xyz = written(tmp_path, "a.xyz", f"24\nProperties=species:S:1:pos:R:3\n{atoms}")
+    for path in (tmp_path / "a.npy", text, xyz):
+        for frame in linkwatch.read(path, counts=[-12, -12]):
+            assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
+    assert linkwatch.check(tmp_path / "a.npy", counts=np.array([-12, -12])).verdict == "intact"
+    assert linkwatch.linking(text, counts=[-12, -12], pairs=[(0, 1)]).tolist() == [[-1]]
+    with pytest.raises(ValueError, match=r"option `counts`"):
+        linkwatch.read(tmp_path / "a.npy")
+    with pytest.raises(ValueError, match="`counts` is no option for files of the format ply"):
+        linkwatch.read(written(tmp_path, "a.ply", ply()), counts=[-12, -12])
+
+
+def test_files_that_continue_one_another_are_one_motion(tmp_path):
+    # Regression test: the message named an option of the command.
+    frames = [
+        io.Frame(POINTS[: 12 * n] + [k, 0, 0], [-12] * n, names=["a", "b"][:n], seq=k, time=k)
+        for k, n in enumerate((2, 2, 1, 1))
+    ]
+    paths = linkwatch.write(frames, tmp_path / "run.npz")
+    assert len(paths) == 2
+    with pytest.raises(ValueError, match="pass the option `one_motion`"):
+        linkwatch.read(*paths)
+    found = linkwatch.read(*paths, one_motion=True)
+    assert len(found) == 4
+    for _ in range(2):
+        for one, frame in zip(found, frames):
+            assert (one.seq, one.time, one.names) == (frame.seq, frame.time, frame.names)
+            np.testing.assert_array_equal(one.positions, frame.positions)
+    assert [one.seq for one in pickle.loads(pickle.dumps(found))] == [0, 1, 2, 3]
+    again = linkwatch.read(paths[1], paths[0], one_motion=True)
+    assert [(one.seq, one.time) for one in again] == [(2, 2), (3, 3), (4, 0), (5, 1)]
+    assert [row["frame"] for row in linkwatch.check(paths, one_motion=True).frames] == [0, 1, 2, 3]
+
+
+def test_single_quotes_and_empty_times_in_xml_files_of_vtk(tmp_path):
+    # Regression tests: raw data was taken for base64, and an IndexError had no message.
+    content = vtp("appended").replace(b'"raw"', b"'raw'").replace(b">0.25<", b"><")
+    (frame,) = linkwatch.read(written(tmp_path, "a.vtp", content))
+    assert frame.time == 0
+    assert linkwatch.certify(frame.positions, frame.counts).links == [(0, 1, -1)]
+
+
 def test_curves_stay_open_on_request_whatever_reads_their_file(tmp_path):
     # Regression test: the readers of the package closed curves that end where they start.
     path = written(tmp_path, "coils.a", coils())

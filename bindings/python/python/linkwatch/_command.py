@@ -144,6 +144,8 @@ def _options_of_readers(args: list[str]) -> tuple[list[str], list[str]]:
         name, _, value = word.partition("=")
         if name in FLAGS:
             options.append(word)
+            if word == "--closed=false" and "--keep-open" not in args:
+                others.append("--keep-open")
         elif word == "--keep-open":
             options.append(word)
             others.append(word)

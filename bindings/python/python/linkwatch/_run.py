@@ -683,6 +683,10 @@ def check(
         baseline, events, radius, motion_limit, invariants, wrapped, keep_open
     )
     source = frames_of(frames, keep_open=keep_open, **described)
+    given = source.recipe[2] if source.recipe else {}
+    if given.get("closed") is False or given.get("keep_open"):
+        # A session would close curves that a reader kept open.
+        options["keep_open"] = True
     run = Run(source, options)
     if client is not None:
         from .distributed import verify

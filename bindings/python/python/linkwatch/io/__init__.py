@@ -32,6 +32,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
+from .. import _arguments as arguments
 from . import _hair, _mdanalysis, _mesh, _native, _oxdna, _text, _usd
 from ._curves import Options
 from ._frames import Frame, Frames, Summary
@@ -98,7 +99,7 @@ FORMATS = [
     Format("hair", ".hair", read_files(_hair.read_hair)),
     Format("usc-hair", ".data", read_files(_hair.read_usc), r"[\s\S]{0,1000}\x00"),
     # Files whose format the name does not tell.
-    Format("linkwatch", "", _native.read),
+    Format("linkwatch", "", _native.read, options="closed unwrap cell counts topic one_motion"),
 ]
 
 
@@ -172,6 +173,9 @@ def read(
     unwrap: bool | None = None,
     select: str | None = None,
     cell: Any = None,
+    counts: Any = None,
+    topic: str | None = None,
+    one_motion: bool = False,
     format: str | None = None,
 ) -> Frames:
     """Opens files, whose names and contents select the reader. Frames are read one at a time.
@@ -197,6 +201,11 @@ def read(
         select: atoms to read of molecules, in the language of MDAnalysis.
         cell: periodic cell in place of that of the files: see ``help(linkwatch)``. ``"none"``
             ignores the cell.
+        counts: number of points of each curve, negative if it is closed, of files that do not say
+            it: ``.npy``, plain text, and extended XYZ without molecules.
+        topic: topic to read of a MCAP file of another program, if several have curves.
+        one_motion: files with several frames each continue one another, in the order that is given:
+            ``run.npz`` and ``run-2.npz`` of :func:`write`.
         format: name of one of ``FORMATS``, if the names of the files do not say it.
 
     Returns:
@@ -221,17 +230,25 @@ def read(
     if format is not None and format not in named:
         raise ValueError(f"format is {format!r}, expected one of {', '.join(named)}")
     found = named[format] if format else _format_of_all(paths)
+    for name, value in {"closed": closed, "unwrap": unwrap}.items():
+        if value is not None:
+            arguments.flag(name, value)
+    for name, value in {"keep_open": keep_open, "one_motion": one_motion}.items():
+        arguments.flag(name, value)
     given = {"closed": closed, "unwrap": unwrap, "cell": cell, "select": select}
+    given |= {"counts": counts, "topic": topic, "one_motion": one_motion or None}
     for name, value in given.items():
         if value is not None and name not in found.options.split():
             raise ValueError(f"{path}: `{name}` is no option for files of the format {found.name}")
     if keep_open and closed is None and found is not FORMATS[-1]:
         # A session keeps curves open that the command reads.
         closed = False
-    frames = found.read(paths, Options(closed, unwrap, cell, select or "all"))
+    options = Options(closed, unwrap, cell, select or "all", counts, topic, one_motion)
+    frames = found.read(paths, options)
     if folder is not None:
         weakref.finalize(frames, folder.cleanup)
-    frames.recipe = read, again, {**given, "keep_open": keep_open, "format": format}
+    given |= {"one_motion": one_motion, "keep_open": keep_open, "format": format}
+    frames.recipe = read, again, given
     return frames
 
 

@@ -35,6 +35,9 @@ class Options:
     unwrap: bool | None = None
     cell: Any = None
     select: str = "all"
+    counts: Any = None
+    topic: str | None = None
+    one_motion: bool = False
 
     def cell_or(self, of_the_file: Array | None) -> Array | None:
         """Returns the cell to use: three vectors and the corner."""

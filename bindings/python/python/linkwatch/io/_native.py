@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .. import _arguments as arguments
 from ._curves import is_dump
 from ._frames import Frame, Frames, Summary
 
@@ -23,11 +25,15 @@ if TYPE_CHECKING:
 
 
 def read(paths: Sequence[Path], options: Options) -> Frames:
-    """Opens files by ``linkwatch convert``; its archive is on the disk while it is read."""
+    """Opens files by ``linkwatch convert``."""
     words = [sys.executable, "-m", "linkwatch", "convert", "--json"]
     for option, value in (("closed", options.closed), ("wrapped", options.unwrap)):
         if value is not None:
             words.append(f"--{option}={str(value).lower()}")
+    if options.counts is not None:
+        words.append(f"--counts={','.join(map(str, arguments.integers(options.counts)))}")
+    if options.topic is not None:
+        words.append(f"--topic={options.topic}")
     if options.cell == "none":
         words.append("--cell=none")
     elif (cell := options.cell_or(None)) is not None:
@@ -36,13 +42,40 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
         # As a topology comes before its trajectories.
         words += ["--bonds", str(paths[0])]
         paths = paths[1:]
+    if len(paths) > 1 and options.one_motion:
+        return _chained([_converted(words, [path]) for path in paths])
+    return _converted(words, paths)
+
+
+def _chained(parts: list[Frames]) -> Frames:
+    """Returns the frames of files that continue one another, and so do their numbers."""
+    summary = parts[0].summary
+    for said in ("left_out", "notes"):
+        every = [one for part in parts for one in getattr(part.summary, said)]
+        setattr(summary, said, list(dict.fromkeys(every)))
+
+    def load() -> Iterator[Frame]:
+        last = -1
+        for part in parts:
+            shift = 0
+            for k, frame in enumerate(part):
+                shift = max(0, last + 1 - frame.seq) if k == 0 else shift
+                last = frame.seq + shift
+                yield dataclasses.replace(frame, seq=last)
+
+    return Frames(parts[0].path, load, summary, sum(map(len, parts)))
+
+
+def _converted(words: list[str], paths: Sequence[Path]) -> Frames:
+    """Opens files by ``linkwatch convert``; its archive is on the disk while it is read."""
     # The archive is mapped to memory, which keeps it until the frames are gone.
     with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
         archive = Path(folder) / "frames.npz"
-        words += [*map(str, paths), str(archive)]
+        words = [*words, *map(str, paths), str(archive)]
         ended = subprocess.run(words, capture_output=True, text=True, check=False)
-        # Lines are an error, or begin with a level. Options have no dashes here.
-        errors = ended.stderr.replace("option `--", "option `")
+        # Lines are an error, or begin with a level. Options have the names of Python here.
+        errors = ended.stderr.replace("option `--", "option `").replace("`wrapped", "`unwrap")
+        errors = errors.replace("give --one-motion", "pass the option `one_motion`")
         said = [line.strip().split(maxsplit=1) for line in errors.splitlines()]
         if not archive.exists():
             lines = [" ".join(words[words[0] in LEVELS :]) for words in said if words]
