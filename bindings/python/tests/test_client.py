@@ -123,6 +123,9 @@ def test_bad_arguments_are_refused(service):
             sim.publish()
         with pytest.raises(RuntimeError, match="no frame was published"):
             sim.wait(0.1)
+        for seq in (-1, 1 << 64):
+            with pytest.raises(ValueError, match=f"seq is {seq}, expected the number of a publi"):
+                sim.wait(0.1, seq)
         with pytest.raises(ValueError, match="a wait of -1 seconds"):
             sim.wait_for_watcher(-1)
         with pytest.raises(ValueError, match="broadcast"):

@@ -127,6 +127,16 @@ def test_findings_have_tuples_and_the_names_of_curves():
     assert isinstance(points, tuple) and isinstance(points[0], tuple)
 
 
+@pytest.mark.parametrize("name", [name for name in results() if name != "certificate"])
+def test_equal_results_have_one_hash(name):
+    # Regression test: reports and diagrams had none.
+    one, other = results()[name], results()[name]
+    same = copy.copy(one)
+    assert one == same and hash(one) == hash(same) and len({one, same}) == 1
+    assert (one != other) or hash(one) == hash(other)
+    assert hash(linkwatch.diagram([RING])[0]) == hash(linkwatch.diagram([RING])[0])
+
+
 def test_results_cannot_be_changed():
     report = reports()[0]
     with pytest.raises(AttributeError):

@@ -20,8 +20,25 @@ def test_linking_numbers_over_time():
     touching = linkwatch.linking([linked(), [RING, OTHER + [1, 0, 0]], linked(np.nan)])
     assert np.isnan(touching[:, 0, 1]).tolist() == [False, True, True]
     assert np.isnan(touching[:, 0, 0]).tolist() == [False, False, True]
-    with pytest.raises(IndexError):
-        linkwatch.linking(FRAMES, pairs=[(0, 2)])
+    assert linkwatch.linking(FRAMES, pairs=[]).shape == (3, 0)
+    assert linkwatch.linking(FRAMES, pairs=iter([(0, 1)])).shape == (3, 1)
+    # Regression test: they were the numbers of other pairs.
+    for pairs in ([(0, 2)], [(0, -1)], [(1, 1)]):
+        with pytest.raises(ValueError, match="expected two different curves of 0 to 1"):
+            linkwatch.linking(FRAMES, pairs=pairs)
+    for wrong in ((0, 1), [(0, 1, 1)], [("a", "b")]):
+        with pytest.raises(TypeError, match="expected two different curves of 0 to 1"):
+            linkwatch.linking(FRAMES, pairs=wrong)
+
+
+@pytest.mark.parametrize("measure", [linkwatch.writhe, linkwatch.gauss_integrals])
+def test_a_tolerance_is_above_0(measure):
+    # Regression test: all was NaN, as of curves that touch.
+    for tolerance in (0, -1e-4, np.nan):
+        with pytest.raises(ValueError, match="tolerance is .*, expected a number above 0"):
+            measure(FRAMES, tolerance=tolerance)
+    with pytest.raises(TypeError, match="tolerance is '1' .*, expected a number above 0"):
+        measure(FRAMES, tolerance="1")
 
 
 def test_quantities_are_read_from_files(tmp_path):

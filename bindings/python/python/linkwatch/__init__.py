@@ -562,7 +562,12 @@ class Client:
             Message | None: ``None`` if there is no verdict in time, if the frame was skipped, or if
             the watcher left or died (:attr:`no_verdict` says which). The frame is not known to be
             intact then.
+
+        Raises:
+            ValueError: ``seq`` is negative or above 2**64 - 1.
         """
+        if seq is not None and not 0 <= seq < 1 << 64:
+            raise ValueError(f"seq is {seq}, expected the number of a published frame, from 0 on")
         return self._client.wait(arguments.number("seconds", seconds), seq)
 
     async def verdict(self, seq: int | None = None, seconds: float = 10.0) -> Message | None:
@@ -944,10 +949,7 @@ def ribbon(
         raise ValueError(f"axis is {axis!r}, expected 'centre' or 'first'")
     both = arguments.indices("strands", strands, len(frame[1]))
     pairing = arguments.word("pairing", pairing, "'auto', 'parallel' or 'antiparallel'")
-    tolerance = arguments.number("tolerance", tolerance, "a number above 0")
-    if not tolerance > 0:
-        raise ValueError(f"tolerance is {tolerance}, expected a number above 0")
-    return _ribbon(frame, both, pairing, axis == "first", tolerance)
+    return _ribbon(frame, both, pairing, axis == "first", arguments.tolerance(tolerance))
 
 
 def diagram(

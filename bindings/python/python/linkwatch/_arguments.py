@@ -60,6 +60,14 @@ def number(name: str, value: Any, expected: str = "a number") -> float:
     raise TypeError(f"{name} is {_shown(value)}, expected {expected}")
 
 
+def tolerance(value: Any) -> float:
+    """Returns the largest error of an integral."""
+    found = number("tolerance", value, "a number above 0")
+    if not found > 0:
+        raise ValueError(f"tolerance is {found}, expected a number above 0")
+    return found
+
+
 def word(name: str, value: Any, expected: str) -> str:
     """Returns a text."""
     if not isinstance(value, str):

@@ -51,7 +51,7 @@ class Result:
         return self._compared() == other._compared()
 
     def __hash__(self) -> int:
-        return hash(tuple(self._compared().values()))
+        return hash(tuple(map(_hashable, self._compared().values())))
 
     @classmethod
     def _made(cls, json: dict[str, Any], words: str, **other: Any) -> Any:
@@ -80,6 +80,13 @@ _KINDS: dict[str, list[tuple[str, str]]] = {}
 def _tuple(value: Any) -> Any:
     """Returns a list of numbers as a tuple, also inner ones."""
     return tuple(map(_tuple, value)) if isinstance(value, list) else value
+
+
+def _hashable(value: Any) -> Any:
+    """Returns a field as tuples: equal ones are equal, and have one hash."""
+    if isinstance(value, dict):
+        return frozenset((key, _hashable(one)) for key, one in value.items())
+    return tuple(map(_hashable, value)) if isinstance(value, (list, tuple)) else value
 
 
 class Place(Result):

@@ -55,6 +55,7 @@ def _series(
 
 def _gauss(frame: Frame, pairs: Any, tolerance: float) -> Array:
     """Returns Gauss integrals, which are NaN if the bound of the error is above the tolerance."""
+    tolerance = arguments.tolerance(tolerance)
     values, bounds = map(np.asarray, _linkwatch.gauss(frame, pairs, tolerance))
     return np.where(bounds <= tolerance, values, np.nan)
 
@@ -77,7 +78,7 @@ def writhe(frames: Any, *, tolerance: float = 1e-4, **described: Any) -> Array:
         curves that touch themselves.
 
     Raises:
-        ValueError: the curves are splines, or their number changes.
+        ValueError: the curves are splines, their number changes, or the tolerance is not above 0.
     """
     return _series(frames, described, lambda frame: _gauss(frame, None, tolerance))
 
@@ -96,19 +97,28 @@ def linking(
 
     Args:
         frames: as of :func:`linkwatch.check`, with the same options (``closed``, ..).
-        pairs: pairs of curves; by default, all.
+        pairs: pairs of different curves; by default, all.
 
     Returns:
         numpy.ndarray: the shape ``(frames, pairs)``, or ``(frames, curves, curves)`` without
         ``pairs``. NaN in frames that are invalid, and for pairs that have no linking number.
         Numbers with periodic images are not among them: see :func:`linkwatch.certify`.
+
+    Raises:
+        TypeError, ValueError: a pair does not consist of two different curves of each frame, or the
+            number of curves changes.
     """
+    chosen = None if pairs is None else list(pairs)
 
     def measure(frame: Frame) -> Any:
         points, counts, basis, cell = frame
         certificate, _ = _linkwatch.certify(points, counts, basis, False, cell)
         matrix = certificate.matrix(undefined=np.nan)
-        return matrix if pairs is None else matrix[tuple(np.transpose(pairs))]
+        if chosen is None:
+            return matrix
+        checked = [arguments.indices("a pair", pair, len(matrix)) for pair in chosen]
+        i, j = np.array(checked, int).reshape(-1, 2).T
+        return matrix[i, j]
 
     return _series(frames, described, measure)
 
@@ -174,7 +184,8 @@ def gauss_integrals(
         touch. Periodic images do not count.
 
     Raises:
-        ValueError: the curves are splines, their number changes, or there is no such subchain.
+        ValueError: the curves are splines, their number changes, there is no such subchain, or the
+            tolerance is not above 0.
     """
 
     def measure(frame: Frame) -> Any:
