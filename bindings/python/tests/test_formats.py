@@ -934,6 +934,7 @@ def test_flags_of_read_are_true_or_false(tmp_path, option):
     for value in ("false", 0):
         with pytest.raises(TypeError, match=f"{option} is .*, expected True or False"):
             linkwatch.read(path, **{option: value})
+    assert next(iter(linkwatch.read(path, closed=np.False_))).counts == [13, 13]
 
 
 def test_files_that_do_not_say_it_have_counts(tmp_path):

@@ -125,7 +125,7 @@ def test_runs_are_read_from_files_and_universes(tmp_path):
         assert [row["frame"] for row in run.frames] == list(range(6))
         assert run.verdict == expected.verdict and len(run.pull_throughs) == 1
     assert linkwatch.check(path, cell="none", format="linkwatch").verdict == "changed"
-    for given, option in ((linkwatch.read(path), "cell"), (path, "counts"), (BROKEN, "select")):
+    for given, option in ((linkwatch.read(path), "cell"), (path, "names"), (BROKEN, "select")):
         with pytest.raises(TypeError, match=f"no option '{option}' for frames of this kind"):
             linkwatch.check(given, **{option: "all"})
     mda = pytest.importorskip("MDAnalysis")

@@ -84,6 +84,11 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
+def flag_or_none(name: str, value: Any) -> bool | None:
+    """Returns a boolean, or ``None``."""
+    return None if value is None else flag(name, value)
+
+
 def words(name: str, value: Any) -> list[str]:
     """Returns a text for each curve."""
     items = _items(name, value, "a sequence of texts, one for each curve")

@@ -97,6 +97,8 @@ class LinkAnalysis(_base.AnalysisBase):  # type: ignore[misc,name-defined]
         self._atoms = atoms.atoms
         self._read = {"closed": closed, "unwrap": unwrap, "cell": cell}
         self._options = options_of(**options)
+        if closed is False:
+            self._options["keep_open"] = True
 
     def _configure_backend(self, backend: Any, *args: Any, **options: Any) -> Any:
         found = super()._configure_backend(backend, *args, **options)

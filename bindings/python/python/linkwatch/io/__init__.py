@@ -230,11 +230,10 @@ def read(
     if format is not None and format not in named:
         raise ValueError(f"format is {format!r}, expected one of {', '.join(named)}")
     found = named[format] if format else _format_of_all(paths)
-    for name, value in {"closed": closed, "unwrap": unwrap}.items():
-        if value is not None:
-            arguments.flag(name, value)
-    for name, value in {"keep_open": keep_open, "one_motion": one_motion}.items():
-        arguments.flag(name, value)
+    closed = arguments.flag_or_none("closed", closed)
+    unwrap = arguments.flag_or_none("unwrap", unwrap)
+    keep_open = arguments.flag("keep_open", keep_open)
+    one_motion = arguments.flag("one_motion", one_motion)
     given = {"closed": closed, "unwrap": unwrap, "cell": cell, "select": select}
     given |= {"counts": counts, "topic": topic, "one_motion": one_motion or None}
     for name, value in given.items():
@@ -281,6 +280,7 @@ def from_mdanalysis(
         trajectory: frames to read, such as ``universe.trajectory[::10]``.
         closed, unwrap, cell: those of :func:`read`.
     """
+    closed, unwrap = arguments.flag_or_none("closed", closed), arguments.flag("unwrap", unwrap)
     frames = _mdanalysis.frames_of_atoms(atoms, Options(closed, unwrap, cell), trajectory)
     given = {"trajectory": trajectory, "closed": closed, "unwrap": unwrap, "cell": cell}
     if trajectory is None:

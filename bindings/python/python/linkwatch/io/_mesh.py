@@ -611,20 +611,21 @@ def read_meshio(path: Path) -> Scene:
 
 
 # Keywords of Abaqus that make, move, copy or include nodes or elements, which meshio ignores.
-ABAQUS = "INSTANCE SYSTEM NGEN NCOPY NFILL NMAP ELGEN ELCOPY INCLUDE SUBSTRUCTURE"
+ABAQUS = {*"INSTANCE SYSTEM NGEN NCOPY NFILL NMAP ELGEN ELCOPY INCLUDE SUBSTRUCTURE".split()}
 
 
 def _check_abaqus(path: Path) -> None:
     """Raises an error if a file has nodes or elements that meshio reads wrong."""
     blocks = 0
     for number, line in enumerate(path.read_text(encoding="latin-1").splitlines(), 1):
-        word, *rest = line.upper().replace(" ", "").split(",")
-        keyword = word[1:] if word[:1] == "*" != word[1:2] else ""
+        if not line.startswith("*") or line.startswith("**"):
+            continue
+        keyword, *rest = line[1:].upper().replace(" ", "").split(",")
         blocks += keyword == "NODE"
-        from_file = keyword in ("NODE", "ELEMENT") and any(
+        elsewhere = keyword in ("NODE", "ELEMENT") and any(
             one.startswith(("INPUT=", "SYSTEM=")) and one != "SYSTEM=R" for one in rest
         )
-        if keyword in ABAQUS.split() or from_file or keyword == "NODE" and blocks > 1:
+        if keyword in ABAQUS or elsewhere or keyword == "NODE" and blocks > 1:
             raise ValueError(
                 f"{path}, line {number}: {line.strip()} is not read: write a flat file, with one "
                 "*NODE of global coordinates and no parts"
@@ -633,11 +634,11 @@ def _check_abaqus(path: Path) -> None:
 
 # Elements of Nastran with two ends or more that meshio does not read as lines, and those that it
 # reads if the name is in capitals and in the small format.
-NASTRAN = (
-    "CBEAM3 CBEND CDAMP1 CDAMP2 CDAMP3 CDAMP4 CELAS1 CELAS2 CELAS3 CELAS4 CFAST CONROD CTUBE CVISC "
-    "CWELD PLOTEL RBAR RROD"
-)
-NASTRAN_LINES = "CBAR CBEAM CBUSH CBUSH1D CGAP CROD"
+NASTRAN = {
+    *"CBEAM3 CBEND CDAMP1 CDAMP2 CDAMP3 CDAMP4 CELAS1 CELAS2 CELAS3 CELAS4 CFAST".split(),
+    *"CONROD CTUBE CVISC CWELD PLOTEL RBAR RROD".split(),
+}
+NASTRAN_LINES = {*"CBAR CBEAM CBUSH CBUSH1D CGAP CROD".split()}
 
 
 def _check_nastran(path: Path, scene: Scene) -> None:
@@ -658,7 +659,7 @@ def _check_nastran(path: Path, scene: Scene) -> None:
                 f"{path}: {card.strip()} is not read: write one file, with GRID in the basic "
                 "coordinate system"
             )
-        if name in NASTRAN.split() or name in NASTRAN_LINES.split() and name != word:
+        if name in NASTRAN or name in NASTRAN_LINES and name != word:
             scene.left_out.add(f"element {word}", f"elements {word}", card.strip())
 
 
