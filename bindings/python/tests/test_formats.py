@@ -6,6 +6,7 @@ import gzip
 import importlib.util
 import json
 import lzma
+import pathlib
 import pickle
 import re
 import struct
@@ -952,6 +953,12 @@ def test_files_that_do_not_say_it_have_counts(tmp_path):
         linkwatch.read(tmp_path / "a.npy")
     with pytest.raises(ValueError, match="`counts` is no option for files of the format ply"):
         linkwatch.read(written(tmp_path, "a.ply", ply()), counts=[-12, -12])
+
+
+def test_a_topic_of_an_mcap_file_is_chosen():
+    path = pathlib.Path(__file__).parents[3] / "recordings/others/markers.mcap"
+    with pytest.raises(ValueError, match="no topic /x; its topics: /markers"):
+        linkwatch.read(path, topic="/x")
 
 
 def test_files_that_continue_one_another_are_one_motion(tmp_path):

@@ -60,7 +60,7 @@ class PassedOver:
             vectors = _lattice(self._head(now)[1])
         elif box is None or not box[:3].any():
             return None
-        elif str(reader.filename).lower().endswith(".gsd") and not (abs(box[3:] - 90) < 1e-4).all():
+        elif _is_gsd(reader) and not (abs(box[3:] - 90) < 1e-4).all():
             raise ValueError("MDAnalysis has other angles than the GSD file: give `cell`")
         else:
             vectors = _vectors(box)
@@ -92,10 +92,13 @@ class PassedOver:
         """Returns the lines before the atoms of a frame in a text file."""
         reader, frame = self._reader(now)
         len(reader)  # finds the places of the frames
-        open_it = library("MDAnalysis.lib.util", "mdanalysis").anyopen
-        with open_it(reader.filename) as file:
-            file.seek(reader._offsets[frame])
-            return [file.readline() for _ in range(9)]
+        file = reader.xyzfile if reader.format == "XYZ" else reader._file
+        at = file.tell()
+        file.seek(reader._offsets[frame])
+        found = [file.readline() for _ in range(9)]
+        # The reader goes on from there.
+        file.seek(at)
+        return found
 
     def order(self, now: Any) -> Array | None:
         """Returns the indices of the atoms in the order of their ids, if H5MD has them otherwise.
@@ -178,6 +181,11 @@ def _vectors(box: Array) -> Array:
     if not vectors.any():
         raise ValueError(f"no periodic cell has the edges {edges} and the angles {angles}")
     return vectors
+
+
+def _is_gsd(reader: Any) -> bool:
+    """Returns whether a reader has a GSD file, or its frames in memory."""
+    return str(getattr(reader, "filename", "")).lower().endswith(".gsd")
 
 
 def _vectors_of_gsd(file: Any, frame: int) -> Array:
