@@ -289,6 +289,18 @@ fn functions_of_c_exist() {
     }
 }
 
+/// Regression test: the client was freed twice. A program that ends early may close it before.
+#[test]
+fn programs_in_c_use_no_client_after_its_end() {
+    for page in pages() {
+        for block in page.blocks.iter().filter(|block| block.language == "c") {
+            if let Some((_, rest)) = block.text.split_once("lw_finish(client") {
+                assert!(!rest.contains("(client"), "{}: {rest}", page.name());
+            }
+        }
+    }
+}
+
 #[test]
 fn programs_in_c_and_cpp_compile() {
     let languages = [("c", "cc", "c", "c11"), ("cpp", "c++", "c++", "c++17")];
