@@ -125,6 +125,8 @@ struct Session {
     abort: Option<VerdictWire>,
     /// Findings of the last verified frame.
     known: PreviousFindings,
+    /// Number of the layout of the last frame that was returned.
+    layout: u32,
     /// Number of violations that were rolled back.
     recovered: u32,
     /// Number of the baseline of the last frame that was returned.
@@ -524,6 +526,11 @@ impl Sidecar {
                 session.last_returned = Some(frame.seq());
                 session.skip_to(frame.seq() + 1);
                 (session.baseline, session.waits) = (Some(frame.header.baseline), None);
+                let layout = frame.header.layout;
+                if std::mem::replace(&mut session.layout, layout) != layout {
+                    // The findings have other indices.
+                    session.known.forget();
+                }
             }
             Event::End {
                 published,

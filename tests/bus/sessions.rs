@@ -1,7 +1,7 @@
 //! Frames arrive unchanged, and every frame is counted.
 
 use super::*;
-use linkwatch::{Departure, LastLabels, Outcome, Positions};
+use linkwatch::{Change, Departure, Finding, LastLabels, Outcome, Positions};
 
 #[test]
 fn positions_arrive_bit_for_bit() {
@@ -234,6 +234,43 @@ fn a_watcher_may_restart() {
         assert!(client.silent_for().is_none(), "it said goodbye");
     }
     assert!(sessions.windows(2).all(|w| w[0] == w[1]), "{sessions:?}");
+}
+
+/// Regression test: a new finding had the curve numbers of an old one, and was not sent as new.
+#[test]
+fn findings_of_curves_that_are_described_again_are_new() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut client = client(&name);
+    let mut first = |client: &mut Client, seq, pairs: &[(u32, u32)]| {
+        publish(client, seq);
+        if seq == 0 {
+            new_session(&mut sidecar);
+        }
+        let mut report = report(&next_frame(&mut sidecar), Verdict::Changed);
+        report.changes.extend(pairs.iter().map(|&(i, j)| Change {
+            i,
+            j,
+            image: [0; 3],
+            expected: 1,
+            found: 0,
+            place: None,
+        }));
+        sidecar.send_verdict(&report, Duration::ZERO).unwrap();
+        match client.wait(seq, PATIENCE).unwrap() {
+            Outcome::Verdict(message) => match message.first {
+                Some(Finding::Change(change)) => (change.i, change.j),
+                other => panic!("{other:?}"),
+            },
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(first(&mut client, 0, &[(0, 1)]), (0, 1));
+    assert_eq!(first(&mut client, 1, &[(0, 1), (1, 2)]), (1, 2));
+    client
+        .describe(Basis::Polyline, Precision::F32, &COUNTS)
+        .unwrap();
+    assert_eq!(first(&mut client, 2, &[(0, 1), (1, 2)]), (0, 1));
 }
 
 #[test]

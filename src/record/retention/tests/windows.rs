@@ -105,6 +105,24 @@ fn a_violation_that_lasts_begins_one_window() {
     assert_eq!(content.unwrap().seqs(), expected);
 }
 
+/// Regression test: the frame of the second violation was missing.
+#[test]
+fn curves_that_are_described_again_begin_new_violations() {
+    let folder = TempDir::new().unwrap();
+    let mut window = window(&folder, Duration::from_secs(1), MEMORY);
+    window.begin(&baseline(3)).unwrap();
+    for seq in 0..20 {
+        let mut record = frame(seq, 3, (seq >= 3).then_some(1));
+        record.info.layout = u32::from(seq >= 10);
+        take(&mut window, &record, Duration::from_secs(seq));
+    }
+    let note = window.note().unwrap();
+    window.finish().unwrap();
+    let content = read(&folder.path().join("run.mcap"));
+    assert_eq!(content.seqs(), [2, 3, 4, 9, 10, 11]);
+    assert!(note.contains("around 2 violations"), "{note}");
+}
+
 #[test]
 fn a_window_is_shorter_if_the_memory_is_too_small_and_says_so() {
     let folder = TempDir::new().unwrap();
