@@ -18,7 +18,8 @@
 //! `Points:2`, as ParaView does). A column `curve` (or another of [`GROUPS`]) separates curves
 //! where its value changes, which is their name. Columns of other names are ignored if it is known
 //! that they do not divide the points ([`OTHERS`], and a first column without a name, as pandas
-//! writes its index), and refused else: ignored, they would join curves.
+//! writes its index), and refused else: ignored, they would join curves. Names of three other
+//! columns are refused, not taken for a label: `theta,r,z` are no coordinates.
 //!
 //! # Closed and open curves
 //!
@@ -38,6 +39,7 @@ use super::{Input, divided, is_in, number, quote};
 use crate::curve::{CurveLabels, CurveSet, Point, Positions, count_of};
 use crate::error::{Error, Result};
 use crate::ingest::{Closing, FrameInfo};
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::io::BufRead;
 use std::path::Path;
@@ -54,6 +56,9 @@ const GROUPS: &str = "\
 const OTHERS: &str = "\
     arclength curvature diameter fx fy fz i id index length mass n nx ny nz point r radius s \
     species temperature torsion tx ty tz type vertex vx vy vz w weight width";
+
+/// Names of coordinates, of any system.
+const COORDINATES: &str = "phi r rho theta x y z";
 
 /// Words for numbers that are missing.
 const MISSING: &str = "inf infinity n/a na nan nil none null";
@@ -98,10 +103,10 @@ pub(super) fn is_table(path: &Path) -> bool {
     }
     let start = super::open_text(path).and_then(|mut input| Ok(input.bytes.fill_buf()?.to_vec()));
     let start = start.unwrap_or_default();
-    let lines = start.split(|&b| b == b'\n').map(fields);
     let (mut all, mut numbers) = (0, 0);
-    for fields in lines.filter(|fields| fields.iter().any(|field| !field.is_empty())) {
-        all += 1;
+    for line in start.split(|&b| b == b'\n').map(with_plain_spaces) {
+        let fields = fields(&line);
+        all += usize::from(fields.iter().any(|field| !field.is_empty()));
         numbers += usize::from(fields.iter().filter(|field| is_number(field)).count() > 1);
     }
     2 * numbers >= all && numbers > 0
@@ -134,6 +139,21 @@ const PLAIN: Columns = Columns {
     at: [0, 1, 2],
     group: None,
 };
+
+/// Returns a line with spaces in place of no-break spaces, in UTF-8 or Latin-1.
+fn with_plain_spaces(line: &[u8]) -> Cow<'_, [u8]> {
+    match std::str::from_utf8(line) {
+        _ if line.is_ascii() => line.into(),
+        Ok(text) => text
+            .replace(['\u{A0}', '\u{202F}'], " ")
+            .into_bytes()
+            .into(),
+        Err(_) => line
+            .iter()
+            .map(|&b| if b == 0xA0 { b' ' } else { b })
+            .collect(),
+    }
+}
 
 /// Returns the fields of a line, without quotes. Between commas, semicolons or tabs there may be
 /// spaces.
@@ -168,13 +188,14 @@ fn is_number(field: &&[u8]) -> bool {
 /// Returns true if a field is a number, or stands for one that is missing or does not fit.
 fn is_value(field: &&[u8]) -> bool {
     let word = String::from_utf8_lossy(field).to_ascii_lowercase();
-    let begins = |c: char| c.is_ascii_digit() || "+-.*".contains(c);
+    let begins = |c: char| c.is_ascii_digit() || "+-−.*".contains(c);
     word.is_empty() || word.starts_with(begins) || is_in(MISSING, &word)
 }
 
 impl Columns {
     /// Parses a line. A header sets the columns.
     fn line(&mut self, line: &[u8]) -> Result<Line, String> {
+        let line = with_plain_spaces(line);
         let line = line.trim_ascii();
         let starts = [b"#".as_slice(), b"%", b"//"];
         let comment = starts.iter().find_map(|start| line.strip_prefix(*start));
@@ -195,8 +216,16 @@ impl Columns {
         let is_row = is_row && fields.len() > 1;
         let few = self.all > numbers && 2 * numbers <= fields.len();
         if !is_number(&fields[0]) && few && !is_row {
-            if let Some(columns) = Columns::named(&fields)? {
-                *self = columns;
+            match Columns::named(&fields)? {
+                Some(columns) => *self = columns,
+                None if self.may_be_names(line, &fields) => {
+                    return Err(format!(
+                        "the columns {}: name the coordinates x, y and z; if this is a title, \
+                         begin it with `#`",
+                        quote(line)
+                    ));
+                }
+                None => {}
             }
             return Ok(Line::Break { label: true });
         }
@@ -213,6 +242,14 @@ impl Columns {
         let [x, y, z] = self.at.map(|column| number(fields[column]));
         let group = self.group.map(|column| fields[column].to_vec());
         Ok(Line::Point([x?, y?, z?], group))
+    }
+
+    /// Returns true if a line without numbers names all columns, and none of x, y and z.
+    fn may_be_names(&self, line: &[u8], fields: &[&[u8]]) -> bool {
+        let is_coordinate =
+            |field: &&[u8]| is_in(COORDINATES, &String::from_utf8_lossy(field).to_lowercase());
+        let is_table = line.iter().any(|b| b";,\t".contains(b));
+        fields.len() == self.all && (is_table || fields.iter().any(is_coordinate))
     }
 
     /// Returns the columns of a header. `None` if it does not name the coordinates.
@@ -484,6 +521,8 @@ mod tests {
             "# z y x\n0 0 1\n0 0 2\n0 0 3\n\n0 0 4\n0 0 5\n",
             "5\n1 0 0\n2 0 0\n3 0 0\n\n4 0 0\n5 0 0\n",
             "1.0D+00 0d0 0\n2 0 0\n0.3D1 0 0\n\n4 0 0\n5 0 0\n",
+            // Regression test: points with no-break spaces were missing.
+            "1 0 0\n2 0 0\n3\u{A0}0\u{A0}0\n\n4\u{202F}0\u{202F}0\n\u{A0}5 0 0\n",
         ] {
             assert_eq!(shape(text, Some(true)).unwrap(), expected, "{text}");
             assert!(begins(text.as_bytes()), "{text}");
@@ -657,6 +696,14 @@ mod tests {
                 "line 4): a point of curve 'a' after",
             ),
             ("x,y,z,r\n1,0,0\n", "line 2): 3 columns, expected 4"),
+            // Regression tests: these were taken for labels before x, y and z.
+            (
+                "theta,r,z\n1,0,0\n2,0,0\n",
+                "line 1): the columns 'theta,r,z': name the coordinates x, y and z",
+            ),
+            ("# rod\nr phi z\n1 0 0\n2 0 0\n", "line 2): the columns"),
+            ("1,0,0\n2,0,0\na;b;c\n3,0,0\n", "line 3): the columns"),
+            ("1 0 0\n−2 −1 −1\n3 0 0\n", "'−2', expected a number"),
         ] {
             let error = frames(text, Some(true), None).unwrap_err().to_string();
             assert!(error.contains(says), "{text:?}: {error}");
@@ -664,6 +711,19 @@ mod tests {
             assert_eq!(begins(text.as_bytes()), says.contains("after"), "{text}");
         }
         assert!(frames("# nothing\n", Some(true), None).unwrap().is_empty());
+    }
+
+    /// Regression test: in Latin-1, a point with no-break spaces was missing.
+    #[test]
+    fn no_break_spaces_of_latin_1_separate_numbers() {
+        let text = b"1 0 0\n2\xA00\xA00\n3 0 0\n";
+        assert!(begins(text));
+        let options = ReadOptions {
+            closed: Some(true),
+            ..ReadOptions::default()
+        };
+        let frames = frames_of(read(text[..].into(), &options).unwrap()).unwrap();
+        assert_eq!(frames[0].curves.as_ref().unwrap().points(), 3);
     }
 
     #[test]
