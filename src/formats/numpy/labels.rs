@@ -161,13 +161,20 @@ impl Values {
     }
 
     fn floats(&self) -> Result<Vec<f64>> {
+        if matches!(self.array.kind, Kind::Signed | Kind::Unsigned) {
+            let exact = |k: i64| match k.unsigned_abs() <= 1 << f64::MANTISSA_DIGITS {
+                true => Ok(k as f64),
+                false => Err(self.bad(format_args!("{k} is out of range"))),
+            };
+            return self.integers()?.into_iter().map(exact).collect();
+        }
         let value = |bytes: &[u8]| match *bytes {
             [a, b, c, d] => Some(f32::from_le_bytes([a, b, c, d]).into()),
             _ => Some(f64::from_le_bytes(bytes.try_into().ok()?)),
         };
         let values: Option<Vec<f64>> = self.each().map(value).collect();
         let values = values.filter(|_| self.array.kind == Kind::Float);
-        let values = values.ok_or_else(|| self.wrong_type("f4 or f8"))?;
+        let values = values.ok_or_else(|| self.wrong_type("f4, f8 or integers"))?;
         match values.iter().position(|x| !x.is_finite()) {
             Some(k) => Err(self.bad(format_args!("value {k} is {}", values[k]))),
             None => Ok(values),

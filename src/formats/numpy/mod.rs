@@ -22,8 +22,8 @@
 //! | `seq` | frames | numbers of the frames, increasing; otherwise they are counted from 0 |
 //! | `cuts` | frames | integers: times so far that the simulator rolled back or jumped |
 //! | `names` | curves | texts |
-//! | `radii` | curves | f4 or f8 |
-//! | `cell` | 3, 3 x 3 or 4 x 3, or frames x these | f4 or f8 |
+//! | `radii` | curves | radii of the strands |
+//! | `cell` | 3, 3 x 3 or 4 x 3, or frames x these | lengths |
 //! | `left_out` | any number | texts: elements that the writer of the archive did not convert |
 //!
 //! The cell is periodic: its edges along the axes, its vectors, or its vectors and its corner;
@@ -35,7 +35,8 @@
 //! floats, or pickled objects), and no vectors by their names:
 //! then they are counted as left out.
 //!
-//! Arrays in Fortran order, of other types than f4 and f8, and of pickled objects are refused.
+//! Times, radii and cells are f4, f8 or integers of at most 2^53. Arrays in Fortran order, of other
+//! types, and of pickled objects are refused.
 //!
 //! Cost: one pass, with the memory of a frame. The checksum of a compressed or stored array is
 //! compared when its end is reached: a damaged file ends with an error in place of its last frame.

@@ -543,6 +543,37 @@ fn a_curve_that_the_cell_of_an_archive_tears_is_refused_unless_it_is_unwrapped()
     }
 }
 
+/// Regression test: `times=np.arange(n)` and `cell=[10, 10, 10]` were refused.
+#[test]
+fn times_radii_and_cells_may_be_integers() {
+    let read = |name: &str, descr: &str, shape: &str, values: &[u8]| {
+        let bytes = with_array(1, name, descr, shape, values);
+        let mut source = read_npz(seekable(&bytes), &options(None))?;
+        Ok::<_, Error>(source.next_frame()?.unwrap().info)
+    };
+    let i8 = |values: &[i64]| {
+        values
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect::<Vec<_>>()
+    };
+    let most = 1 << 53;
+    assert_eq!(
+        read("times", "<i8", "(1,)", &i8(&[-most])).unwrap().time,
+        -(most as f64)
+    );
+    assert_eq!(read("times", "|u1", "(1,)", &[0xFF]).unwrap().time, 255.0);
+    assert_eq!(
+        read("radii", "|i1", "(1,)", &[2]).unwrap().labels.radii,
+        [2.0]
+    );
+    let cell = read("cell", "<i8", "(3,)", &i8(&[9, 8, 7])).unwrap().cell;
+    assert_eq!(cell.unwrap().to_string(), "9,8,7");
+    let error = read("times", "<i8", "(1,)", &i8(&[most + 1])).unwrap_err();
+    let says = "array times): 9007199254740993 is out of range";
+    assert!(error.to_string().contains(says), "{error}");
+}
+
 #[test]
 fn small_arrays_of_wrong_types_and_lengths_are_refused() {
     let with = |name: &str, descr: &str, shape: &str, values: &[u8]| {
