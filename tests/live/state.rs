@@ -198,6 +198,22 @@ fn without_a_change_the_exit_code_after_a_crash_is_3() {
     watches.assert_removed();
 }
 
+/// Regression test: a warning said that one curve alone was verified.
+#[test]
+fn a_process_without_frames_knows_that_there_were_pairs() {
+    let mut watches = Restarted::start("pairs", &[]);
+    let mut sim = simulator(&watches.service);
+    for frame in 0..3 {
+        assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
+    }
+    watches.restart_after(3, &mut sim);
+    sim.finish().unwrap();
+    let ended = watches.end();
+    assert_eq!(counts(ended.summary()), [3, 0, 0], "{}", ended.stderr);
+    let warning = "nothing was verified: one curve alone";
+    assert!(!ended.stderr.contains(warning), "{}", ended.stderr);
+}
+
 /// A killed process leaves complete files. The next one does not touch them, and its own files have
 /// the baseline of the first one, so that each replays without the others.
 #[test]

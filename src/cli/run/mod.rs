@@ -447,7 +447,9 @@ impl Run {
         let unsearched = (open > 0 || through > 0) && steps;
         let alone = tally.verified == 1 && self.sum.only_open;
         let itself = options.events == Events::All && tally.verified > 1;
-        let compared = tally.verified > 1 || tally.verified == 1 && baseline.is_some();
+        // The other process has seen the curves of its frames.
+        let own = tally.since(self.before).verified;
+        let compared = own > 0 && (tally.verified > 1 || baseline.is_some());
         if compared && !(self.sum.has_pairs || knots || itself || alone) {
             tracing::warn!(
                 "nothing was verified: one curve alone has no linking number, and pull-throughs of \
