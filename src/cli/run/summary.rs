@@ -138,10 +138,6 @@ impl Run {
             0 => String::new(),
             _ => format!("; {}", sum.times.checks.words()),
         };
-        let so_far = match (word, tally.skipped) {
-            (_, 0) | ("changed", _) => "",
-            _ => " as far as verified",
-        };
         let ended = |n: u32, what: &str| {
             let violations = plural_of(n, "violation was", "violations were");
             some(n > 0, format!("{violations} {what}"))
@@ -160,7 +156,10 @@ impl Run {
         };
         let own = format!("each compared with {with} (--one-motion: all files are one motion)");
         let verdict = [
-            Some(format!("{word}{so_far}: {tally_words}{checks}")),
+            Some(format!(
+                "{word}{}: {tally_words}{checks}",
+                so_far(word, tally)
+            )),
             self.baseline_words().filter(|_| self.setup.live),
             some(runs > 1, format!("{}, {own}", plural(runs, "run"))),
         ];
@@ -213,6 +212,14 @@ impl Run {
     }
 }
 
+/// Returns words for a verdict that skipped frames may contradict.
+fn so_far(word: &str, tally: Counters) -> &'static str {
+    match (word, tally) {
+        ("changed", _) | (_, Counters { verified: 0, .. } | Counters { skipped: 0, .. }) => "",
+        _ => " as far as verified",
+    }
+}
+
 /// Returns how many times curves jumped, in words.
 pub fn jumped(count: u64) -> String {
     let times = plural(count, "time");
@@ -256,5 +263,26 @@ impl Unresolved {
             self.lengths,
             self.limit,
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Regression test: the summary said "nothing was verified as far as verified".
+    #[test]
+    fn only_verdicts_on_some_of_the_frames_are_limited() {
+        let tally = |verified, skipped| Counters {
+            verified,
+            skipped,
+            rejected: 0,
+        };
+        let limited = " as far as verified";
+        assert_eq!(so_far("intact", tally(2, 1)), limited);
+        assert_eq!(so_far("undecided or incomplete", tally(2, 1)), limited);
+        assert_eq!(so_far("intact", tally(2, 0)), "");
+        assert_eq!(so_far("changed", tally(2, 1)), "");
+        assert_eq!(so_far("nothing was verified", tally(0, 1)), "");
     }
 }
