@@ -94,7 +94,9 @@ impl FullRun {
                     Choice::SumFirst => {
                         let long = predictions.long().to_vec();
                         let pairs = self.search.pairs().to_vec();
-                        self.add_sums(set, &Sums::of_long(set, &long, &pairs), &mut stats);
+                        let cancel = self.counting.workspaces.cancel.clone();
+                        let sums = Sums::of_long(set, &long, &pairs, cancel);
+                        self.add_sums(set, &sums, &mut stats);
                     }
                     counting => {
                         let count = self.search.pairs().len();

@@ -1,6 +1,7 @@
 //! Ladder of kernels: a kernel that sums runs first, and crossings are counted if its bound decides
 //! nothing.
 
+use crate::cancel::Cancel;
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
@@ -72,7 +73,12 @@ impl<'a> Sums<'a> {
 
     /// Sums the pairs of polylines that are predicted to be decided sooner than by counting. The
     /// others are unknown.
-    pub fn of_long(set: &CurveSet, long: &[LongLink], pairs: &'a [Pair]) -> Sums<'a> {
+    pub fn of_long(
+        set: &CurveSet,
+        long: &[LongLink],
+        pairs: &'a [Pair],
+        cancel: Option<Cancel>,
+    ) -> Sums<'a> {
         let start = Instant::now();
         let worth: Vec<Pair> = long.iter().map(|link| pairs[link.at]).collect();
         let needed = curves_of(worth.iter().copied());
@@ -84,7 +90,8 @@ impl<'a> Sums<'a> {
             limit: 0.4e3 * counting.fold(0.0, f64::max),
             ..fmm::Options::default()
         };
-        let fmm = Fmm::of_some(set, needed, options);
+        let mut fmm = Fmm::of_some(set, needed, options);
+        fmm.cancel = cancel;
         let mut estimates = vec![Estimate::UNKNOWN; pairs.len()];
         for (link, found) in long.iter().zip(fmm.linking_numbers(&worth)) {
             estimates[link.at] = found;

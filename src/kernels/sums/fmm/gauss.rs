@@ -33,6 +33,7 @@ fn within(chains: &[(&[Point], bool)], pair: Pair, budget: f64) -> Estimate {
             ..Options::default()
         },
         trees: chains.iter().map(tree).collect(),
+        cancel: None,
     };
     let mut budget = budget;
     loop {

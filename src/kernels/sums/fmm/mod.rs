@@ -31,6 +31,7 @@ mod walk;
 
 use super::descent::{Descent, Sum};
 use super::{Estimate, Summation, trees_of};
+use crate::cancel::Cancel;
 use crate::curve::CurveSet;
 use crate::pairs::{Pair, curves_of};
 use expansions::Expansions;
@@ -83,6 +84,8 @@ pub(crate) struct Fmm {
     options: Options,
     /// Trees of the closed curves; `None` for other curves.
     trees: Vec<Option<Tree>>,
+    /// Ends the sums early: all later estimates are unknown.
+    pub cancel: Option<Cancel>,
 }
 
 /// Orders, tried in this sequence.
@@ -100,6 +103,7 @@ impl Fmm {
         Fmm {
             options,
             trees: trees_of(set, some, |points| Tree::of(points, true)),
+            cancel: None,
         }
     }
 
@@ -122,7 +126,7 @@ impl Fmm {
         let least = match self.options.accept {
             Accept::Separation(_) => ORDERS[0],
             Accept::Bound(budget) | Accept::Within(budget) => {
-                let magnitude = Walk::magnitude(trees);
+                let magnitude = Walk::magnitude(trees, self.cancel.as_ref());
                 let digits = (magnitude / budget).log10().max(0.0);
                 // Fitted so that expansions and the near field cost about the same.
                 2 + (1.7 * digits) as usize
@@ -143,7 +147,10 @@ impl Fmm {
         let Some(order) = expansions[0].map(|e| e.order) else {
             return Some((Criterion::Share(0.0), Sum::default()));
         };
-        let plan = |criterion| Walk::new(trees, expansions, criterion).plan(self.options.limit);
+        let plan = |criterion| {
+            let walk = Walk::new(trees, expansions, criterion).until(self.cancel.as_ref());
+            walk.plan(self.options.limit)
+        };
         let budget = match self.options.accept {
             Accept::Separation(q) => {
                 let criterion = Criterion::Separation(q);
@@ -265,7 +272,11 @@ impl Fmm {
                 return (Estimate::UNKNOWN, more);
             };
             let of = [i, j].map(|i| expansions[i as usize].as_ref());
-            let sum = Walk::new(trees, of, criterion).pass();
+            let walk = Walk::new(trees, of, criterion).until(self.cancel.as_ref());
+            let sum = walk.pass();
+            if self.cancel.as_ref().is_some_and(Cancel::is_set) {
+                return (Estimate::UNKNOWN, false);
+            }
             (sum.estimate(), more && !self.suffices(&sum))
         };
         let sums: Vec<(Estimate, bool)> = now.par_iter().zip(plans).map(sum).collect();

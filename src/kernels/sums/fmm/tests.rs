@@ -281,6 +281,18 @@ fn long_touching_curves_are_undecided() {
 }
 
 #[test]
+fn cancelled_sums_are_unknown() {
+    let (set, _) = scene("chainmail");
+    let mut fmm = Fmm::new(&set, by_bound(None));
+    assert!(fmm.linking_number((0, 1)).bound.is_finite());
+    fmm.cancel.insert(Cancel::default()).set();
+    assert_eq!(fmm.linking_number((0, 1)), Estimate::UNKNOWN);
+    // Walks visit no node pair.
+    let trees = [0, 1].map(|i| fmm.trees[i].as_ref().unwrap());
+    assert_eq!(Walk::magnitude(trees, fmm.cancel.as_ref()), 0.0);
+}
+
+#[test]
 fn repeated_vertices_and_point_curves_are_no_contact() {
     let [a, b] = hopf(1.0, 0.0);
     let mut repeated = b.clone();

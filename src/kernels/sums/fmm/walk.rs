@@ -4,6 +4,7 @@ use super::bound::{Bounding, WIDEST};
 use super::expansions::Expansions;
 use super::interact::{BATCH, Buffers, Side, interact};
 use super::tree::{Ball, FILLER, LEAF, Tree};
+use crate::cancel::Cancel;
 use crate::curve::Point;
 use crate::kernels::sums::barnes_hut::{Angles, Bounds, Node};
 use crate::kernels::sums::descent::{Descent, NodePair, Sum, over};
@@ -35,6 +36,8 @@ pub(super) struct Walk<'a> {
     expansions: Option<[&'a Expansions; 2]>,
     bounding: Bounding,
     criterion: Criterion,
+    /// Ends the walk early.
+    cancel: Option<&'a Cancel>,
     /// True if both trees are the same one: each pair of its segments is summed once, except for
     /// adjacent ones, which lie in a plane and contribute nothing.
     own: bool,
@@ -63,17 +66,30 @@ impl<'a> Walk<'a> {
             expansions,
             bounding: Bounding::new(order),
             criterion,
+            cancel: None,
             own: std::ptr::eq(trees[0], trees[1]),
         }
     }
 
+    /// Returns the walk, which ends early with wrong sums once it is cancelled.
+    pub fn until(self, cancel: Option<&'a Cancel>) -> Walk<'a> {
+        Walk { cancel, ..self }
+    }
+
+    #[inline(always)]
+    fn is_cancelled(&self) -> bool {
+        self.cancel.is_some_and(Cancel::is_set)
+    }
+
     /// Returns an estimate of the sum of the magnitudes of all contributions.
-    pub fn magnitude(trees: [&Tree; 2]) -> f64 {
-        let walk = Walk::new(trees, [None; 2], Criterion::Share(0.0));
+    pub fn magnitude(trees: [&'a Tree; 2], cancel: Option<&'a Cancel>) -> f64 {
+        let walk = Walk::new(trees, [None; 2], Criterion::Share(0.0)).until(cancel);
         let smallest = trees.map(|t| t.balls[0].radius / 64.0);
         let mut agenda = vec![walk.roots()];
         let mut sum = 0.0;
-        while let Some((t, u)) = agenda.pop() {
+        while let Some((t, u)) = agenda.pop()
+            && !walk.is_cancelled()
+        {
             let (a, b) = (walk.ball(0, t), walk.ball(1, u));
             let (_, distance, q) = Bounding::separation(a, b);
             let small =
@@ -94,11 +110,13 @@ impl<'a> Walk<'a> {
     }
 
     /// Dry run: returns the work and the remainder of a pass, without the sum. Returns `None` as
-    /// soon as the work exceeds `limit`, in microseconds.
+    /// soon as the work exceeds `limit`, in microseconds, or the walk is cancelled.
     pub fn plan(&self, limit: f64) -> Option<Sum> {
         let dry = |mut agenda: Vec<NodePair>| {
             let mut sum = Sum::default();
-            while let Some((t, u)) = agenda.pop() {
+            while let Some((t, u)) = agenda.pop()
+                && !self.is_cancelled()
+            {
                 sum.visited += 1;
                 if let Some(accepted) = self.accepted((t, u)) {
                     sum.bounds.tail += accepted.bounds.tail;
@@ -117,7 +135,7 @@ impl<'a> Walk<'a> {
         let order = self.expansions.map_or(0, |e| e[0].order);
         for group in self.tasks().chunks(GROUP) {
             plan = plan.plus(over(group, dry));
-            if work(&plan, order) > 1.2 * limit {
+            if work(&plan, order) > 1.2 * limit || self.is_cancelled() {
                 return None;
             }
         }
@@ -131,7 +149,9 @@ impl<'a> Walk<'a> {
         let mut sum = Sum::default();
         let mut angles = Angles::ZERO;
         let mut batch: Vec<([Side; 2], Point)> = Vec::with_capacity(BATCH);
-        while let Some((t, u)) = agenda.pop() {
+        while let Some((t, u)) = agenda.pop()
+            && !self.is_cancelled()
+        {
             sum.visited += 1;
             if let (Some(accepted), Some(expansions)) = (self.accepted((t, u)), self.expansions) {
                 sum.bounds.tail += accepted.bounds.tail;
