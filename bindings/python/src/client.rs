@@ -25,8 +25,8 @@ struct State {
     kind: (Basis, Precision),
     points: usize,
     frame: Option<Begun>,
-    /// Keeps the shared memory of all frames of these curves mapped, also after the session. None
-    /// if that failed: then no frame can be begun.
+    /// Keeps the shared memory of all frames of these curves mapped, also after the session if a
+    /// view is left. None after the session, and if that failed: then no frame can be begun.
     mapping: Option<Arc<Mutex<FrameMemory>>>,
     /// Number of the last published frame.
     last: Option<u64>,
@@ -361,6 +361,8 @@ impl Client {
         self.0.with(py, |state| {
             state.open()?;
             state.discard(py)?;
+            // Memory of a frame keeps this process attached to the service.
+            state.mapping = None;
             let mut client = state.client.take();
             if let Some(client) = &mut client {
                 while client.poll().map_err(exception)?.is_some() {}
@@ -390,6 +392,7 @@ impl Client {
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         self.0.with(py, |state| {
             state.discard(py)?;
+            state.mapping = None;
             if let Some(client) = state.client.take() {
                 state.goodbye = client.aborted().cloned();
             }
