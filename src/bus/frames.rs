@@ -11,6 +11,7 @@ use super::wire::{
 use crate::curve::{Basis, Cell, CurveLabels, Precision};
 use crate::error::{Error, Result};
 use crate::fork::Owned;
+use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
@@ -305,6 +306,7 @@ impl Client {
         }
         Ok(FrameMemory {
             sample: Owned::new(sample),
+            _node: Owned::new(Arc::clone(&self.connection.endpoint.node)),
             table,
             precision,
             layout: frames.layouts,
@@ -376,6 +378,8 @@ fn copy_of(sample: &FrameSample, publisher: &FramePublisher) -> Result<FrameSamp
 #[derive(Debug)]
 pub struct FrameMemory {
     sample: Owned<FrameSample>,
+    /// Dropped after the sample: a node cannot remove its folder before its last port is gone.
+    _node: Owned<Arc<Node<Ipc>>>,
     /// Bytes before the positions.
     table: usize,
     precision: Precision,

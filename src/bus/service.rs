@@ -32,6 +32,7 @@ use iceoryx2::prelude::{
 use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use std::fmt::Debug;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
@@ -77,6 +78,9 @@ pub(super) enum Role {
 /// Name of the node of an observer.
 pub(super) const OBSERVER: &str = "linkwatch observer";
 
+/// Name of the node of a simulator.
+pub(super) const SIMULATOR: &str = "linkwatch simulator";
+
 /// Maximum number of watchers, observers and bridges that receive frames.
 pub(super) const FRAME_SUBSCRIBERS: usize = 4;
 
@@ -94,13 +98,13 @@ pub(super) struct Endpoint {
     /// Number of waits so far, if this side spins.
     spins: AtomicU32,
     _lock: Option<Lock>,
-    _node: Node<Ipc>,
+    pub node: Arc<Node<Ipc>>,
 }
 
 impl Endpoint {
     pub fn open(name: &str, role: Role, wait_mode: WaitMode) -> Result<Endpoint> {
         let node = open_node(match role {
-            Role::Simulator => "linkwatch simulator",
+            Role::Simulator => SIMULATOR,
             Role::Watcher => "linkwatch watcher",
             Role::Observer => OBSERVER,
         })?;
@@ -167,7 +171,7 @@ impl Endpoint {
             frames,
             verdicts,
             _lock: lock,
-            _node: node,
+            node: node.into(),
         })
     }
 

@@ -2,7 +2,7 @@
 //! removed, so running sessions are not disturbed.
 
 use super::ipc::{Ipc, limit_log_level};
-use super::service::OBSERVER;
+use super::service::{OBSERVER, SIMULATOR};
 use super::wire::{FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
 use iceoryx2::identifiers::UniqueNodeId;
@@ -128,10 +128,11 @@ pub(super) fn user_of(service: &ServiceName) -> Option<Attached> {
     list(look).ok().and(user)
 }
 
-/// A living process, and true if it observes.
+/// A living process, and true if it observes, or simulates.
 struct Living {
     process: Attached,
     observes: bool,
+    simulates: bool,
 }
 
 /// Parts of a service that were found.
@@ -149,6 +150,8 @@ impl ServiceParts {
     /// Returns `None` if this is not a service of linkwatch, or if no process uses it.
     fn info(self, service: String) -> Option<ServiceInfo> {
         let (mut attached, known) = self.frames?;
+        // A simulator that has ended may still use the memory of its frames.
+        attached.retain(|id, living| !living.simulates || self.simulators.contains_key(id));
         if attached.is_empty() {
             return None;
         }
@@ -195,8 +198,13 @@ fn living(details: &ServiceDetails<Ipc>) -> BTreeMap<UniqueNodeId, Living> {
             process: view.id().pid().value() as u32,
             program: known.map(|d| d.executable().to_string()),
         };
-        let observes = known.is_some_and(|d| *d.name() == OBSERVER);
-        Some((*view.id(), Living { process, observes }))
+        let is = |name| known.is_some_and(|d| *d.name() == name);
+        let living = Living {
+            process,
+            observes: is(OBSERVER),
+            simulates: is(SIMULATOR),
+        };
+        Some((*view.id(), living))
     });
     alive.collect()
 }

@@ -39,6 +39,21 @@ fn a_service_is_listed_with_its_simulator_and_its_watcher() {
     assert_eq!(roles(&name), None);
 }
 
+/// Regression test: a watch that was started again waited for this simulator.
+#[test]
+fn a_simulator_that_has_ended_is_not_listed_while_its_memory_is_used() {
+    let name = service();
+    let mut simulator = client(&name);
+    publish(&mut simulator, 0);
+    let memory = simulator.begin(0.0).unwrap();
+    simulator.finish().unwrap();
+    assert_eq!(roles(&name), None);
+    let watcher = sidecar(&name);
+    assert_eq!(roles(&name), Some([None, Some(std::process::id())]));
+    assert!(find(&name).unwrap().others.is_empty());
+    drop((watcher, memory));
+}
+
 #[test]
 fn a_rejected_simulator_does_not_replace_the_first_in_the_list() {
     let name = service();
