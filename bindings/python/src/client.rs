@@ -228,6 +228,7 @@ impl Client {
     /// Returns a view of the shared memory of the next frame.
     fn begin(&self, py: Python<'_>, time: f64) -> PyResult<Py<PyAny>> {
         self.0.with(py, |state| {
+            state.open()?;
             state.discard(py)?;
             if state.mapping.is_none() {
                 let what = "the last description of the curves failed: describe them again";

@@ -2,7 +2,10 @@
 
 import asyncio
 import gc
+import pathlib
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -44,6 +47,30 @@ def test_a_published_view_is_read_only_and_outlives_the_client(service):
     with linkwatch.Client(service, counts=[-4]) as again:
         again.begin()[:] = 1
         again.publish()
+
+
+# Regression test: clients stayed attached to the service, and left folders behind.
+@pytest.mark.parametrize(("keep", "count"), [("pass", 5), ("kept += [sim]", 30), ("view = x", 5)])
+def test_ended_clients_leave_nothing_behind(service, keep, count):
+    nodes = pathlib.Path("/tmp/iceoryx2/nodes")
+    before = set(nodes.iterdir()) if nodes.exists() else set()
+    program = f"""
+import linkwatch
+kept = []
+for _ in range({count}):
+    sim = linkwatch.Client({service!r}, counts=[-4])
+    x = sim.begin()
+    x[:] = 1
+    sim.publish()
+    sim.finish(0.0)
+    {keep}
+    del sim, x
+"""
+    process = subprocess.Popen([sys.executable, "-c", program])
+    assert process.wait(PATIENCE) == 0
+    # The lowest 32 bits of the number of a node are those of its process.
+    left = (int(folder.name) for folder in set(nodes.iterdir()) - before)
+    assert process.pid not in {number % 2**32 for number in left}
 
 
 def test_a_discarded_view_is_read_only(service):
