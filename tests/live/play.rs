@@ -3,8 +3,8 @@
 use super::written::Chainmail;
 use super::*;
 use linkwatch::{
-    Events, FrameInfo, FrameRecord, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
-    Sink,
+    CurveSet, Events, FrameInfo, FrameRecord, RecordedItem, RecordedVerdict, RecordingReader,
+    RecordingSink, Sink,
 };
 use std::sync::Arc;
 
@@ -221,4 +221,34 @@ fn a_converted_model_is_published_as_one_frame() {
     );
     assert_eq!(watch.reports().len(), 1);
     assert_eq!(published.summary()["published"], 1);
+}
+
+/// Regression test: the watcher counted skipped frames, and rejected numbers that were far apart.
+#[test]
+fn converted_frames_are_numbered_from_0() {
+    let folder = TempDir::new().unwrap();
+    let recording = folder.path().join("steps.mcap");
+    let mut sink = Box::new(RecordingSink::create(&recording, &Default::default()).unwrap());
+    let positions = squares(0.0);
+    let set = CurveSet::from_counts(Basis::Polyline, &[-4, -4], Positions::F32(&positions));
+    let set = set.unwrap();
+    for step in 1..=4 {
+        let info = FrameInfo::at(1_000_000 * step, step as f64);
+        sink.curves(&set, &info).unwrap();
+    }
+    sink.finish().unwrap();
+    let [published, watch] = publish("steps", &recording, &["--from", "2000000"], &[]);
+    let codes = (published.code, watch.code);
+    assert_eq!(codes, (Some(0), Some(0)), "{}", watch.stderr);
+    let frames = watch.reports();
+    let times: Vec<_> = frames
+        .iter()
+        .map(|r| (r["seq"].as_u64(), r["time"].as_f64()))
+        .collect();
+    let expected = [(0, 2.0), (1, 3.0), (2, 4.0)].map(|(seq, time)| (Some(seq), Some(time)));
+    assert_eq!(times, expected);
+    let summary = watch.summary();
+    let counts = ["verified", "skipped", "rejected"].map(|n| summary[n].as_u64());
+    assert_eq!(counts, [Some(3), Some(0), Some(0)]);
+    assert_eq!(published.summary()["numbers_between"], 0);
 }

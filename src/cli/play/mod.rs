@@ -17,7 +17,7 @@ use linkwatch::{
     RecordedItem, Result, Verdict, VerdictMessage,
 };
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -33,8 +33,8 @@ const LOOK: Duration = Duration::from_secs(1);
 
 /// Publish the frames of a recording as their simulator did, for a test of a watcher or a viewer
 ///
-/// Frames keep their times and numbers. Nothing is verified here. To compare the verdicts, record
-/// the watch, and run `linkwatch diff`.
+/// Frames keep their times and numbers; converted ones are numbered from 0. Nothing is verified
+/// here. To compare the verdicts, record the watch, and run `linkwatch diff`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// A recording, as written by `linkwatch watch --record` or by `linkwatch convert`
@@ -89,6 +89,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         args,
         json,
         stop: &stop,
+        is_converted: is_converted(&args.file)?,
         client: Client::open(service, &options)?,
         source,
         live: Live::default(),
@@ -117,12 +118,31 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     publisher.finish(end, start)
 }
 
+/// Returns true if the first frame of a recording has no verdict: no run counted its frames.
+fn is_converted(file: &Path) -> Result<bool> {
+    let mut source = Source::open(file)?;
+    let mut frames = 0;
+    while let Ok(Some(item)) = source.next()
+        && frames < 2
+    {
+        match item {
+            RecordedItem::Verdict(_) => return Ok(false),
+            RecordedItem::Frame(_) => frames += 1,
+            RecordedItem::Baseline(_) => {}
+        }
+    }
+    Ok(true)
+}
+
 /// A simulator that publishes recorded frames.
 struct Publisher<'a> {
     args: &'a Args,
     json: bool,
     /// Set by a signal.
     stop: &'a AtomicBool,
+    /// True if frames are numbered from 0. Their own numbers, steps of a dump for example, may be
+    /// so far apart that a watcher takes them for errors.
+    is_converted: bool,
     client: Client,
     source: Source,
     live: Live,
@@ -174,8 +194,11 @@ impl Publisher<'_> {
         while let Some(item) = self.source.next()? {
             match item {
                 RecordedItem::Frame(frame) if range.is_before(frame.seq, frame.time) => break,
-                RecordedItem::Frame(frame) if range.contains(frame.seq, frame.time) => {
+                RecordedItem::Frame(mut frame) if range.contains(frame.seq, frame.time) => {
                     let Err(e) = frame.check() else {
+                        if self.is_converted {
+                            frame.seq = self.counts.published;
+                        }
                         return Ok(Some(frame));
                     };
                     tracing::warn!("frame {} is not published: {e}", frame.seq);
