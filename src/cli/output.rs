@@ -22,8 +22,10 @@ pub fn init(quiet: bool, verbose: bool) {
         (_, true) => "debug",
         _ => "info",
     };
-    let filter = EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| EnvFilter::new(format!("warn,linkwatch={level}")));
+    // `re_log_encoding` warns of files without an index, which linkwatch writes on purpose.
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| {
+        EnvFilter::new(format!("warn,re_log_encoding=error,linkwatch={level}"))
+    });
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(|| Log)

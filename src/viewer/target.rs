@@ -5,6 +5,7 @@ use super::names::APPLICATION;
 use super::program::{self, PORT, PROBE_LIMIT};
 use super::stream::failed;
 use crate::error::{Error, Result};
+use re_sdk::sink::{FileSink, FileSinkOptions};
 use re_sdk::{RecordingStream, RecordingStreamBuilder};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::path::PathBuf;
@@ -35,7 +36,10 @@ impl ViewerTarget {
                     return Err(Error::file(path)(source));
                 }
                 std::fs::File::create(path).map_err(Error::file(path))?;
-                return builder.save(path).map_err(failed);
+                // Its index of all chunks would be in memory until the end of the run.
+                let write_footer = false;
+                let sink = FileSink::with_options(path, FileSinkOptions { write_footer });
+                return builder.set_sinks((sink.map_err(failed)?,)).map_err(failed);
             }
             ViewerTarget::Connect(address) => {
                 let (host, url) = address_of(address);
