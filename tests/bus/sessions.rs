@@ -1,7 +1,7 @@
 //! Frames arrive unchanged, and every frame is counted.
 
 use super::*;
-use linkwatch::{Change, Departure, Finding, LastLabels, Outcome, Positions};
+use linkwatch::{Change, CurveLabels, Departure, Finding, LastLabels, Outcome, Positions};
 
 #[test]
 fn positions_arrive_bit_for_bit() {
@@ -242,6 +242,14 @@ fn findings_of_curves_that_are_described_again_are_new() {
     let name = service();
     let mut sidecar = sidecar(&name);
     let mut client = client(&name);
+    let describe = |client: &mut Client| {
+        let labels = CurveLabels::named(["a", "b"]);
+        let kind = (Basis::Polyline, Precision::F32);
+        client
+            .describe_labelled(kind.0, kind.1, &COUNTS, labels)
+            .unwrap();
+    };
+    describe(&mut client);
     let mut first = |client: &mut Client, seq, pairs: &[(u32, u32)]| {
         publish(client, seq);
         if seq == 0 {
@@ -267,9 +275,7 @@ fn findings_of_curves_that_are_described_again_are_new() {
     };
     assert_eq!(first(&mut client, 0, &[(0, 1)]), (0, 1));
     assert_eq!(first(&mut client, 1, &[(0, 1), (1, 2)]), (1, 2));
-    client
-        .describe(Basis::Polyline, Precision::F32, &COUNTS)
-        .unwrap();
+    describe(&mut client);
     assert_eq!(first(&mut client, 2, &[(0, 1), (1, 2)]), (0, 1));
 }
 
