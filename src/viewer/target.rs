@@ -133,6 +133,25 @@ mod tests {
         }
     }
 
+    /// Regression test: the index of all chunks, for the end of the file, grew in memory.
+    #[test]
+    fn a_file_has_no_index() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.rrd");
+        let rec = ViewerTarget::File(path.clone()).open("test").unwrap();
+        super::super::log(
+            &rec,
+            "text",
+            &re_sdk_types::archetypes::TextDocument::new("a"),
+        )
+        .unwrap();
+        drop(rec);
+        let bytes = std::fs::read(path).unwrap();
+        assert!(bytes.starts_with(b"RRF2"));
+        // An index is followed by its place.
+        assert!(!bytes.windows(4).any(|bytes| bytes == b"FOOT"));
+    }
+
     #[test]
     fn the_error_of_a_file_that_cannot_be_created_names_it() {
         let target = ViewerTarget::File("/no/such/folder/a.rrd".into());
