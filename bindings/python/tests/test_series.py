@@ -24,7 +24,7 @@ def test_linking_numbers_over_time():
     assert linkwatch.linking(FRAMES, pairs=iter([(0, 1)])).shape == (3, 1)
     # Regression test: they were the numbers of other pairs.
     for pairs in ([(0, 2)], [(0, -1)], [(1, 1)]):
-        with pytest.raises(ValueError, match="expected two different curves of 0 to 1"):
+        with pytest.raises(IndexError, match="expected two different curves of 0 to 1"):
             linkwatch.linking(FRAMES, pairs=pairs)
     for wrong in ((0, 1), [(0, 1, 1)], [("a", "b")]):
         with pytest.raises(TypeError, match="expected two different curves of 0 to 1"):

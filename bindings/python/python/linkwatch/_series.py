@@ -105,8 +105,8 @@ def linking(
         Numbers with periodic images are not among them: see :func:`linkwatch.certify`.
 
     Raises:
-        TypeError, ValueError: a pair does not consist of two different curves of each frame, or the
-            number of curves changes.
+        IndexError: a pair does not consist of two different curves of each frame.
+        ValueError: the number of curves changes.
     """
     chosen = None if pairs is None else list(pairs)
 
@@ -116,7 +116,10 @@ def linking(
         matrix = certificate.matrix(undefined=np.nan)
         if chosen is None:
             return matrix
-        checked = [arguments.indices("a pair", pair, len(matrix)) for pair in chosen]
+        try:
+            checked = [arguments.indices("a pair", pair, len(matrix)) for pair in chosen]
+        except ValueError as why:
+            raise IndexError(str(why)) from None
         i, j = np.array(checked, int).reshape(-1, 2).T
         return matrix[i, j]
 
