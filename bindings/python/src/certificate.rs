@@ -117,8 +117,8 @@ impl Certificate {
     }
 
     /// Linking numbers with periodic images of other curves and of the curve itself, as tuples
-    /// (i, j, image, lambda), sorted; those of the image (0, 0, 0) are in `links`. None if the scene
-    /// is not periodic.
+    /// (i, j, image, lambda), sorted; those of the image (0, 0, 0) are in `links`. None if the
+    /// scene is not periodic.
     #[getter]
     fn images(&self) -> Option<Vec<ImageLink>> {
         let images = self.numbers.images()?.iter();

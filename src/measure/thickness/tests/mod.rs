@@ -26,8 +26,8 @@ fn hopf(n: u32) -> CurveSet {
     set(&[-(n as i32); 2], &both)
 }
 
-/// Regression test: the vector between points that touch is a rounding error, by which most of these
-/// contacts were no local minima.
+/// Regression test: the vector between points that touch is a rounding error, by which most of
+/// these contacts were no local minima.
 #[test]
 fn vertices_that_were_computed_on_an_edge_touch_it() {
     let mut random = Random::new(5);
