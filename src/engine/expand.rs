@@ -56,7 +56,7 @@ impl Engine {
                             make one with the cell";
                 return Err(Error::Usage(what.into()));
             }
-            (_, Some(cell)) if !self.continues => self.align_baseline(known, next, cell)?,
+            (_, Some(cell)) if !self.names_images => self.align_baseline(known, next, cell)?,
             _ => {}
         }
         if let (Some(braids), None) = (&self.options.braids, &known.braids) {

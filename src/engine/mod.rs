@@ -66,9 +66,8 @@ pub(crate) struct Engine {
     steps: Steps,
     routing: Routing,
     work: Work,
-    /// True if the first frame continues those of another engine, so that the given baseline names
-    /// images as the frames do.
-    continues: bool,
+    /// True if the given baseline names images as the frames do.
+    names_images: bool,
 }
 
 /// A frame to verify.
@@ -142,7 +141,7 @@ impl Engine {
             steps,
             routing: Routing::default(),
             work: Work::default(),
-            continues: false,
+            names_images: false,
         }
     }
 
@@ -193,11 +192,12 @@ impl Engine {
         self.full.share_progress(progress);
     }
 
-    /// Begins with what is known about the last intact frame of another engine.
-    pub fn continue_after(&mut self, other: &Engine) {
+    /// Begins with what is known about the last intact frame of another engine. `names_images` is
+    /// true if the given baseline names images as the frames do.
+    pub fn continue_after(&mut self, other: &Engine, names_images: bool) {
         self.known.intactness = other.known.intactness;
         self.known.intactness.cut();
-        self.continues = true;
+        self.names_images = names_images;
     }
 
     /// Waits until background work has ended, so that the next frame profits from it. For

@@ -43,7 +43,7 @@ impl Begun {
         let mut engine = Engine::new(options)?;
         engine.share_progress(session.engine.progress());
         if let Begin::Part(_) = begin {
-            engine.continue_after(&session.engine);
+            engine.continue_after(&session.engine, session.names_images);
         }
         let coordinates = session.coordinates.restarted();
         Ok(Begun {

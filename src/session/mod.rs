@@ -76,6 +76,8 @@ pub struct Session {
     /// The curves of that frame as they were given, if the session did not resume after it.
     given: Option<Arc<CurveSet>>,
     next: Next,
+    /// True if the baseline of [`Next::Part`] names images as the frames do.
+    names_images: bool,
     strands: Strands,
 }
 
@@ -109,6 +111,7 @@ impl Session {
             last: None,
             given: None,
             next: Next::ByInfo,
+            names_images: false,
             strands: Strands::new(&options),
             options,
         })
@@ -236,6 +239,14 @@ impl Session {
     pub fn begin_part(&mut self, baseline: Certificate) {
         self.closings.forget();
         self.next = Next::Part(baseline);
+        self.names_images = false;
+    }
+
+    /// Same as [`Session::begin_part`], with a recorded baseline: it names images as the frames do.
+    #[cfg(feature = "cli")]
+    pub(crate) fn begin_recorded_part(&mut self, baseline: Certificate) {
+        self.begin_part(baseline);
+        self.names_images = true;
     }
 
     /// Begins another run, with the same options: the next frame is its first one.

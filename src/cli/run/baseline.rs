@@ -39,7 +39,7 @@ impl Run {
         match baseline {
             Some(b) => {
                 let (certificate, origin) = Origin::of(b);
-                self.session.begin_part(certificate);
+                self.session.begin_recorded_part(certificate);
                 self.origin = Some(origin);
                 self.last_layout = None;
                 self.news.known.forget();

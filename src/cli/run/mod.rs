@@ -187,7 +187,7 @@ impl Run {
         let queues = sinks.open(&setup, options.clearance);
         let mut session = Session::new(options.clone())?;
         if let Some(certificate) = options.baseline.clone().filter(|_| is_recorded) {
-            session.begin_part(certificate);
+            session.begin_recorded_part(certificate);
         }
         Ok(Run {
             session,
