@@ -14,7 +14,7 @@ pub(crate) struct Coverage {
 
 /// Boxes of the covered curves.
 #[derive(Clone, Copy)]
-pub(super) struct Covered<'a> {
+pub(crate) struct Covered<'a> {
     pub set: &'a CurveSet,
     pub coverage: Coverage,
 }

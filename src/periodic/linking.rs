@@ -7,8 +7,7 @@
 //! period are above or below the closed curve then. The yarn is closed far away, where its
 //! projection no longer meets that of the closed curve. Vertices of images are exact sums.
 //!
-//! Cost: the number of segments of the yarn above the closed curve, and of the pairs of segments
-//! with overlapping boxes.
+//! Cost: that of counting crossings ([`crate::kernels::crossings`]), for each of these images.
 //!
 //! # Proof: the polylines of splines
 //!
@@ -23,11 +22,13 @@
 use super::pairs::PointLimit;
 use super::through::RingAndYarn;
 use crate::curve::vector::per_axis;
-use crate::curve::{Cell, CurveSet, Image, Point, SumEdges, Translated, bounds, single};
+use crate::curve::{Basis, Cell, CurveSet, Image, Point, Positions, Translated, bounds};
 use crate::discretize::{self, Halving, Separation, sort_splits};
 use crate::error::{Error, Result};
-use crate::exact::{Batch, Crossing, crossing_of_sums, sums_touch};
-use crate::pairs::closest_of_segments;
+use crate::incremental::{Coverage, Covered};
+use crate::kernels::Linking;
+use crate::kernels::crossings::{self, Direction, Input, Workspaces};
+use crate::pairs::{Trees, closest_of_segments};
 use crate::verdict::{DefectKind, Place};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -69,15 +70,32 @@ pub(crate) fn linking_numbers(
     let mut set = None;
     CurveSet::translate(frame, &curves, cell, &mut set)?;
     let set = set.ok_or_else(|| Error::Usage("no curves".into()))?;
-    let number = |view: &View| (view.pair, view.linking_number(&set, &curves, cell));
+    let (trees, workspaces) = (trees_of(&set), Workspaces::default());
+    let input = Input {
+        set: &set,
+        trees: &trees,
+        workspaces: &workspaces,
+    };
+    let number = |view: &View| (view.pair, view.linking_number(input, &curves, cell));
     Ok(views.par_iter().map(number).collect())
+}
+
+/// Returns the trees of all curves of a set, open ones included.
+fn trees_of(set: &CurveSet) -> Trees {
+    let coverage = Coverage {
+        open_curves: true,
+        self_crossings: false,
+    };
+    let mut trees = Trees::default();
+    trees.refit(Covered::new(set, coverage));
+    trees
 }
 
 /// A closed curve, and the images of one period of a yarn that are above or below it along an axis.
 struct View {
     pair: RingAndYarn,
-    /// Axes of the plane of projection, and the axis that is orthogonal to it.
-    plane: [usize; 3],
+    /// Axis of projection.
+    axis: usize,
     /// Multiples of the period of these images.
     from: i32,
     to: i32,
@@ -96,7 +114,7 @@ impl View {
         let shortest = (0..3).min_by(|&a, &b| size(a).total_cmp(&size(b)));
         let w = shortest.unwrap_or(2);
         let [u, v] = [(w + 1) % 3, (w + 2) % 3];
-        let (plane, x) = ([u, v, w], if size(u) >= size(v) { u } else { v });
+        let x = if size(u) >= size(v) { u } else { v };
         let offset = cell.translation(pair.image);
         let points = [lo, hi, first, last, offset, period];
         // Covers rounding, and the gap between the end of the yarn and the image of its start.
@@ -107,7 +125,7 @@ impl View {
         ];
         View {
             pair: *pair,
-            plane,
+            axis: w,
             from: ends[0].min(ends[1]).floor() as i32,
             to: ends[0].max(ends[1]).ceil() as i32,
         }
@@ -121,8 +139,9 @@ impl View {
         std::iter::once((pair.ring, Image::default())).chain(images)
     }
 
-    /// Returns the linking number. `set` has the translated curves of all pairs.
-    fn linking_number(&self, set: &CurveSet, curves: &Translated, cell: &Cell) -> Counted {
+    /// Returns the linking number. The input has the translated curves of all pairs.
+    fn linking_number(&self, input: Input<'_>, curves: &Translated, cell: &Cell) -> Counted {
+        let set = input.set;
         let number = |key: (u32, Image)| curves.partition_point(|other| *other < key);
         let mut numbers = self.curves().map(number);
         let ring = numbers.next().unwrap_or_default();
@@ -140,30 +159,40 @@ impl View {
             };
             (kind, place)
         };
-        let (around, along) = match set.basis().is_polyline() {
-            true => {
-                let whole = |&i: &usize| Strand::new(set, i, &[]);
-                (whole(&ring), yarns.iter().map(whole).collect())
-            }
-            false => split(set, ring, &yarns).map_err(|at| lacks(DefectKind::TooClose, at))?,
+        if set.basis().is_polyline() {
+            let over = |&yarn: &usize| {
+                let sum = self.crossings_over(input, [yarn, ring]);
+                sum.map_err(|at| lacks(DefectKind::Contact, (yarn, at)))
+            };
+            return yarns.iter().map(over).sum();
+        }
+        let polylines = split(set, ring, &yarns);
+        let (both, along, around) = polylines.map_err(|at| lacks(DefectKind::TooClose, at))?;
+        let trees = trees_of(&both);
+        let polylines = Input {
+            set: &both,
+            trees: &trees,
+            ..input
         };
-        let mut count = Count {
-            set,
-            curves: [&along[..], std::slice::from_ref(&around)],
-            plane: self.plane,
-            // The polylines of splines are as they are.
-            rounding: match set.basis().is_polyline() {
-                true => set.rounding(),
-                false => 0.0,
-            },
-            waiting: Vec::new(),
-            batch: Batch::apart(),
-            sum: 0,
-            contact: None,
+        self.crossings_over(polylines, [0, 1]).map_err(|[s, t]| {
+            let (yarn, segment) = along[s as usize];
+            lacks(DefectKind::Contact, (yarn, [segment, around[t as usize]]))
+        })
+    }
+
+    /// Returns the sum of the signs of the crossings at which the first polyline passes over the
+    /// second one, or segments that touch.
+    fn crossings_over(&self, input: Input<'_>, [i, j]: [usize; 2]) -> Result<i64, [u32; 2]> {
+        let above = Direction {
+            axis: self.axis,
+            second_over: false,
         };
-        count.add_all();
-        let contact = count.contact.map(|at| lacks(DefectKind::Contact, at));
-        contact.map_or(Ok(count.sum), Err)
+        let pair = (i as u32, j as u32);
+        let count = |buffers: &mut _| crossings::linking_number(input, pair, Some(above), buffers);
+        match input.workspaces.run(count).0 {
+            Linking::Number(sum) => Ok(sum),
+            Linking::Undefined(_, place) => Err(place.segments),
+        }
     }
 }
 
@@ -172,34 +201,13 @@ fn apart([a, b]: [&[Point; 2]; 2], slack: f64) -> bool {
     (0..3).any(|x| a[1][x] + slack < b[0][x] || b[1][x] + slack < a[0][x])
 }
 
-/// Polyline of a curve of the set.
-struct Strand {
-    curve: usize,
-    vertices: Vec<Point>,
-    /// Segment of each edge.
-    segments: Vec<u32>,
-}
+/// Polylines of a whole yarn and of a closed curve; for each edge of the first one the image of the
+/// yarn and the segment, and for each edge of the second one the segment.
+type Polylines = (CurveSet, Vec<(usize, u32)>, Vec<u32>);
 
-impl Strand {
-    /// `splits` are sorted: segments, and parameters in them.
-    fn new(set: &CurveSet, curve: usize, splits: &[(u32, f64)]) -> Strand {
-        let (mut vertices, mut segments) = (Vec::new(), Vec::new());
-        discretize::vertices(set, curve, splits, |s, p| {
-            vertices.push(p);
-            segments.push(s);
-        });
-        vertices.push(set.knot(curve, set.curve(curve).segments as usize));
-        Strand {
-            curve,
-            vertices,
-            segments,
-        }
-    }
-}
-
-/// Returns polylines of a closed spline and of images of a yarn, one period after the other, that
+/// Returns polylines of images of a yarn, one period after the other, and of a closed spline, that
 /// are link homotopic to them, or segments that are too close.
-fn split(set: &CurveSet, ring: usize, yarns: &[usize]) -> Result<(Strand, Vec<Strand>), Near> {
+fn split(set: &CurveSet, ring: usize, yarns: &[usize]) -> Result<Polylines, Near> {
     let ends = |i: usize| [0, set.curve(i).segments].map(|s| set.knot(i, s as usize));
     let gaps = yarns.windows(2).flat_map(|next| {
         let ([_, p], [q, _]) = (ends(next[0]), ends(next[1]));
@@ -214,7 +222,8 @@ fn split(set: &CurveSet, ring: usize, yarns: &[usize]) -> Result<(Strand, Vec<St
     let whole = bounds(around.iter().flatten().copied());
     let slack = 2.0 * (set.pad() + gap);
     let (mut halving, mut near, mut close) = (Halving::default(), Vec::new(), Vec::new());
-    let (mut of_ring, mut strands) = (Vec::new(), Vec::new());
+    let (mut of_ring, mut xyz) = (Vec::new(), Vec::new());
+    let (mut along, mut edges) = (Vec::new(), Vec::new());
     for &yarn in yarns {
         near.clear();
         close.clear();
@@ -232,110 +241,21 @@ fn split(set: &CurveSet, ring: usize, yarns: &[usize]) -> Result<(Strand, Vec<St
         refined.map_err(|[t, s]| (yarn, [s, t]))?;
         let [first, second] = &halving.splits;
         of_ring.extend_from_slice(&first.at);
-        strands.push(Strand::new(set, yarn, &second.at));
-    }
-    sort_splits(&mut of_ring);
-    // A period ends where the next one starts.
-    for k in 1..strands.len() {
-        let start = strands[k].vertices[0];
-        if let Some(end) = strands[k - 1].vertices.last_mut() {
-            *end = start;
-        }
-    }
-    Ok((Strand::new(set, ring, &of_ring), strands))
-}
-
-/// An edge of a yarn and one of a closed curve: the strand of the yarn, and the numbers of both
-/// edges in their strands.
-type Edges = (usize, [usize; 2]);
-
-/// Sum of the crossings of a pair.
-struct Count<'a> {
-    set: &'a CurveSet,
-    /// The images of the yarn, and the closed curve.
-    curves: [&'a [Strand]; 2],
-    /// Axes of the plane of projection, and the axis that is orthogonal to it.
-    plane: [usize; 3],
-    rounding: f64,
-    /// Edges in each lane in use.
-    waiting: Vec<Edges>,
-    batch: Batch<f64>,
-    sum: i64,
-    contact: Option<Near>,
-}
-
-impl Count<'_> {
-    /// Adds all edges of the yarn and of the closed curve.
-    fn add_all(&mut self) {
-        let [along, around] = self.curves;
-        let around = &around[0].vertices;
-        let whole = bounds(around.iter().copied());
-        let ([u, v, w], slack) = (self.plane, 2.0 * self.rounding);
-        // The yarn is not above, or beside.
-        let misses = |[lo, hi]: &[Point; 2], other: &[Point; 2]| {
-            let beside = |x: usize| hi[x] + slack < other[0][x] || other[1][x] + slack < lo[x];
-            beside(u) || beside(v) || hi[w] + slack < other[0][w]
-        };
-        for (k, strand) in along.iter().enumerate() {
-            for (s, edge) in strand.vertices.windows(2).enumerate() {
-                let box_of_edge = bounds([edge[0], edge[1]]);
-                if misses(&box_of_edge, &whole) {
-                    continue;
-                }
-                for (t, other) in around.windows(2).enumerate() {
-                    if !misses(&box_of_edge, &bounds([other[0], other[1]])) {
-                        self.add((k, [s, t]), [[edge[0], edge[1]], [other[0], other[1]]]);
-                    }
-                }
-            }
-        }
-        self.evaluate();
-    }
-
-    fn add(&mut self, key: Edges, edges: [[Point; 2]; 2]) {
-        let lane = self.waiting.len();
-        for (end, p) in self.batch.ends.iter_mut().zip(edges.as_flattened()) {
-            for (row, x) in end.iter_mut().zip(self.plane) {
-                row[lane] = p[x];
-            }
-        }
-        self.waiting.push(key);
-        if self.waiting.len() == 8 {
-            self.evaluate();
-        }
-    }
-
-    fn evaluate(&mut self) {
-        let out = self.batch.evaluate_rounded::<true>(self.rounding);
-        self.sum += i64::from(out.sum);
-        for lane in 0..self.waiting.len() {
-            if out.undecided >> lane & 1 != 0 {
-                self.add_exactly(self.waiting[lane]);
-            }
-        }
-        self.waiting.clear();
-        self.batch = Batch::apart();
-    }
-
-    /// Adds two edges in exact arithmetic.
-    #[cold]
-    fn add_exactly(&mut self, (k, [s, t]): Edges) {
-        let strands = [&self.curves[0][k], &self.curves[1][0]];
-        let edges: SumEdges = [0, 1].map(|side| {
-            let (strand, edge) = (strands[side], [s, t][side]);
-            [edge, edge + 1].map(|v| match self.rounding == 0.0 {
-                true => strand.vertices[v].map(single),
-                // Only polylines are rounded; they have a vertex for each segment.
-                false => self.set.exact_knot(strand.curve, v),
-            })
+        // A period ends where the next one starts.
+        discretize::vertices(set, yarn, &second.at, |s, p| {
+            xyz.extend(p);
+            along.push((yarn, s));
         });
-        let crossing = crossing_of_sums(edges, self.plane[2]);
-        if let Crossing::Over(sign) = crossing {
-            self.sum += i64::from(sign);
-        }
-        if matches!(crossing, Crossing::Contact) || sums_touch(edges) {
-            let segments = [strands[0].segments[s], strands[1].segments[t]];
-            self.contact.get_or_insert((strands[0].curve, segments));
-        }
     }
+    xyz.extend(yarns.last().map(|&last| ends(last)[1]).unwrap_or_default());
+    sort_splits(&mut of_ring);
+    discretize::vertices(set, ring, &of_ring, |s, p| {
+        xyz.extend(p);
+        edges.push(s);
+    });
+    xyz.extend(ends(ring)[1]);
+    // Both end at their last vertex. A closed polyline would need three.
+    let counts = [along.len(), edges.len()].map(|edges| edges as i32 + 1);
+    let both = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz));
+    Ok((both.expect("vertices of valid curves"), along, edges))
 }
