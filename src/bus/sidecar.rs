@@ -117,16 +117,15 @@ struct Session {
     last_seen: Option<Seen>,
     /// The frame after `last_seen`, if its sequence number was implausible.
     stray: Option<Seen>,
-    /// Number of frames with a plausible sequence number that were delivered, and the last one.
+    /// Number of frames with a plausible sequence number that were delivered.
     delivered: u64,
+    /// The last one of them.
     last_returned: Option<u64>,
     counters: Counters,
     /// Last message that asked to stop. Heartbeats repeat it, because it must not be lost.
     abort: Option<VerdictWire>,
     /// Findings of the last verified frame.
     known: PreviousFindings,
-    /// Number of the layout of the last frame that was returned.
-    layout: u32,
     /// Number of violations that were rolled back.
     recovered: u32,
     /// Number of the baseline of the last frame that was returned.
@@ -526,11 +525,7 @@ impl Sidecar {
                 session.last_returned = Some(frame.seq());
                 session.skip_to(frame.seq() + 1);
                 (session.baseline, session.waits) = (Some(frame.header.baseline), None);
-                let layout = frame.header.layout;
-                if std::mem::replace(&mut session.layout, layout) != layout {
-                    // The findings have other indices.
-                    session.known.forget();
-                }
+                session.known.begin_frame(frame.header.layout);
             }
             Event::End {
                 published,

@@ -58,6 +58,8 @@ impl Report {
 pub(crate) struct PreviousFindings {
     verdict: Option<Verdict>,
     findings: BTreeSet<Lasting>,
+    /// Number of the layout of the last frame with curves.
+    layout: u32,
 }
 
 /// Verdict of the previous frame, and the findings of a frame that the previous one did not have.
@@ -70,9 +72,17 @@ pub(crate) struct Novelty {
 }
 
 impl PreviousFindings {
-    /// Forgets the findings, because the next frame has other curves.
+    /// Forgets the findings: the next frame is compared with another baseline.
     pub fn forget(&mut self) {
         self.findings.clear();
+    }
+
+    /// Begins a frame with curves, which has this number of the layout. Forgets the findings if the
+    /// simulator described its curves again, because they have other indices then.
+    pub fn begin_frame(&mut self, layout: u32) {
+        if std::mem::replace(&mut self.layout, layout) != layout {
+            self.forget();
+        }
     }
 
     /// Returns what is new in a frame, and records it. Rejected frames have no curves: the findings

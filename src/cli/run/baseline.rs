@@ -41,7 +41,6 @@ impl Run {
                 let (certificate, origin) = Origin::of(b);
                 self.session.begin_recorded_part(certificate);
                 self.origin = Some(origin);
-                self.last_layout = None;
                 self.news.known.forget();
             }
             None => self.session.cut(),
@@ -58,7 +57,6 @@ impl Run {
     /// Begins another run: the next frame does not belong to the motion of those before it.
     pub fn begin_run(&mut self) {
         self.session.begin_run();
-        self.last_layout = None;
         self.news.known.forget();
         self.sum.violations.begin_run();
         if let Some(junit) = &mut self.junit {
@@ -76,8 +74,8 @@ impl Run {
         if self.origin.is_some() || judged.report.verdict == Verdict::Rejected {
             return;
         }
-        // Frames that were rejected are no reason: a watch that was there has seen them.
         let from_now = self.setup.from_now && !self.begun;
+        // Frames that were rejected are no reason: a watch that was there has seen them.
         let missed = match (self.setup.live, self.begun) {
             (true, false) => self.tally.since(self.before).skipped.min(seq),
             (true, true) => seq.saturating_sub(info.baseline),

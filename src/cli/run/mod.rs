@@ -145,8 +145,6 @@ pub struct Run {
     begun: bool,
     /// Layout of the last frame whose baseline the sinks have.
     sent_layout: u32,
-    /// Layout of the last verified frame, if there is one.
-    last_layout: Option<u32>,
     /// True until the first frame of a run was verified.
     is_new_run: bool,
     /// Number of open curves of this run that are counted.
@@ -203,7 +201,6 @@ impl Run {
             baseline_changed: false,
             begun: false,
             sent_layout: 0,
-            last_layout: None,
             is_new_run: true,
             open_curves: 0,
             rejected: 0,
@@ -302,11 +299,7 @@ impl Run {
             self.baseline_changed = true;
             self.news.known.forget();
         }
-        let other = |last: u32| last != info.layout;
-        if self.last_layout.replace(info.layout).is_some_and(other) {
-            // The findings have other indices.
-            self.news.known.forget();
-        }
+        self.news.known.begin_frame(info.layout);
     }
 
     /// Passes a frame to the sinks, and prints its new findings.

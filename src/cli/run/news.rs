@@ -35,7 +35,7 @@ pub struct New {
 /// Findings printed so far.
 #[derive(Default)]
 pub struct News {
-    /// Findings of the last frame. They are forgotten if the next frame has other curves.
+    /// Findings of the last frame.
     pub known: PreviousFindings,
     pub first_violation: Option<Violation>,
 }

@@ -41,7 +41,6 @@ impl Run {
         let options = self.options.clone();
         self.session = Session::resume(options, state.session)?;
         self.session.share_progress(progress);
-        self.last_layout = self.session.state().info().map(|info| info.layout);
         self.origin = state.origin;
         Ok(())
     }

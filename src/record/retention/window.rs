@@ -17,7 +17,6 @@ use crate::sinks::FrameRecord;
 use crate::verdict::{PreviousFindings, Verdict};
 use crate::words::plural;
 use std::collections::VecDeque;
-use std::mem::replace;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -57,8 +56,6 @@ pub(super) struct Window {
     /// Number of frames at the front that are to be written.
     due: usize,
     known: PreviousFindings,
-    /// Number of the layout of the last frame with curves.
-    layout: u32,
     /// Frames are recorded until then.
     until: Option<Duration>,
     /// Arrival of the last frame that was dropped although it was young enough.
@@ -79,7 +76,6 @@ impl Window {
             bytes: 0,
             due: 0,
             known: PreviousFindings::default(),
-            layout: 0,
             until: None,
             dropped: None,
             seen: 0,
@@ -99,10 +95,9 @@ impl Window {
         self.seen += 1;
         self.expire(now);
         let open = self.until.is_some_and(|until| now <= until);
-        let (report, layout) = (&record.report, record.info.layout);
-        if record.curves.is_some() && replace(&mut self.layout, layout) != layout {
-            // The findings have other indices.
-            self.known.forget();
+        let report = &record.report;
+        if record.curves.is_some() {
+            self.known.begin_frame(record.info.layout);
         }
         let novelty = self.known.update(report);
         let is_new = novelty.before != Some(report.verdict) || novelty.new.contains(&true);
