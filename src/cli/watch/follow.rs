@@ -340,15 +340,7 @@ impl Follower<'_> {
                             tracing::info!(
                                 "stopped by a signal; the check of frame {seq} was cancelled"
                             );
-                            match before.has_verified() {
-                                // The next process does not answer it: it did not crash this one.
-                                true => {
-                                    let state = sidecar.state();
-                                    self.state.end_frame(state, None, Outcome::Fine)?;
-                                }
-                                // The frame may be the baseline.
-                                false => self.state.forget_frame(before)?,
-                            }
+                            self.state.cancel_frame(before, sidecar.state())?;
                             return Ok(End::Signal);
                         }
                         judged => judged?,

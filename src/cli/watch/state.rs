@@ -62,13 +62,6 @@ pub struct Note {
     pub file_number: u64,
 }
 
-impl Note {
-    /// Returns true if a frame of the simulator was verified.
-    pub fn has_verified(&self) -> bool {
-        self.verified.is_some()
-    }
-}
-
 /// A session that an earlier process watched.
 pub struct Earlier {
     /// `None` if no frame was verified.
@@ -201,9 +194,13 @@ impl State {
         self.write()
     }
 
-    /// Forgets a frame whose check was cancelled, so that the next process verifies it. `before` is
-    /// the note before it.
-    pub fn forget_frame(&mut self, before: Note) -> Result<()> {
+    /// Notes that the check of a frame was cancelled. `before` is the note before this frame.
+    pub fn cancel_frame(&mut self, before: Note, simulator: Option<SidecarState>) -> Result<()> {
+        if before.verified.is_some() {
+            // The next process does not answer it: it did not crash this one.
+            return self.end_frame(simulator, None, Outcome::Fine);
+        }
+        // It may be the baseline, so the next process verifies it.
         self.note = before;
         self.write()
     }
