@@ -16,9 +16,17 @@ pub(super) enum Begin<'a> {
     /// The frame is its own baseline.
     Accepted,
     /// The frame begins a part of a run with this baseline.
-    Part(&'a Certificate),
+    Part(&'a PartBaseline),
     /// The frame follows those of another session.
     Resumed(&'a EngineState),
+}
+
+/// Baseline of a part of a run.
+#[derive(Debug)]
+pub(super) struct PartBaseline {
+    pub certificate: Certificate,
+    /// True if it names images as the frames do.
+    pub names_images: bool,
 }
 
 /// State of a session that begins with a frame.
@@ -35,15 +43,15 @@ impl Begun {
             Begin::First => {}
             Begin::Accepted => options.baseline = None,
             Begin::Part(baseline) => {
-                options.baseline = Some(baseline.clone());
+                options.baseline = Some(baseline.certificate.clone());
                 options.braids = session.engine.braids().or(options.braids);
             }
             Begin::Resumed(state) => options = state.options(options)?,
         }
         let mut engine = Engine::new(options)?;
         engine.share_progress(session.engine.progress());
-        if let Begin::Part(_) = begin {
-            engine.continue_after(&session.engine, session.names_images);
+        if let Begin::Part(baseline) = begin {
+            engine.continue_after(&session.engine, baseline.names_images);
         }
         let coordinates = session.coordinates.restarted();
         Ok(Begun {

@@ -15,7 +15,7 @@ mod strands;
 pub use frame::{Continuation, Given, Received, VerifiedFrame};
 pub use state::SessionState;
 
-use self::begin::{Begin, Begun, check_cell};
+use self::begin::{Begin, Begun, PartBaseline, check_cell};
 use self::closings::Closings;
 use self::coordinates::Coordinates;
 use self::strands::Strands;
@@ -76,8 +76,6 @@ pub struct Session {
     /// The curves of that frame as they were given, if the session did not resume after it.
     given: Option<Arc<CurveSet>>,
     next: Next,
-    /// True if the baseline of [`Next::Part`] names images as the frames do.
-    names_images: bool,
     strands: Strands,
 }
 
@@ -89,8 +87,8 @@ enum Next {
     ByInfo,
     /// The next frame does not continue the last one.
     Cut,
-    /// The next frame is the first of a part of the run, with this baseline.
-    Part(Certificate),
+    /// The next frame is the first of a part of the run, with a baseline.
+    Part(PartBaseline),
     /// The next frame is the first of another run.
     Run,
 }
@@ -111,7 +109,6 @@ impl Session {
             last: None,
             given: None,
             next: Next::ByInfo,
-            names_images: false,
             strands: Strands::new(&options),
             options,
         })
@@ -237,16 +234,24 @@ impl Session {
     /// Begins another part of the same run, of which frames before it were left out: the next frame
     /// is compared with this baseline, and may have other curves than the last one.
     pub fn begin_part(&mut self, baseline: Certificate) {
-        self.closings.forget();
-        self.next = Next::Part(baseline);
-        self.names_images = false;
+        self.begin_part_with(PartBaseline {
+            certificate: baseline,
+            names_images: false,
+        });
     }
 
     /// Same as [`Session::begin_part`], with a recorded baseline: it names images as the frames do.
     #[cfg(feature = "cli")]
     pub(crate) fn begin_recorded_part(&mut self, baseline: Certificate) {
-        self.begin_part(baseline);
-        self.names_images = true;
+        self.begin_part_with(PartBaseline {
+            certificate: baseline,
+            names_images: true,
+        });
+    }
+
+    fn begin_part_with(&mut self, baseline: PartBaseline) {
+        self.closings.forget();
+        self.next = Next::Part(baseline);
     }
 
     /// Begins another run, with the same options: the next frame is its first one.
