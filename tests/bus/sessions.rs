@@ -108,6 +108,13 @@ fn the_last_frame_is_always_verified() {
     );
 }
 
+/// Starts a watcher of a client that has published frames, and connects both.
+fn late_sidecar(name: &str, client: &mut Client) -> Sidecar {
+    let sidecar = sidecar(name);
+    assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
+    sidecar
+}
+
 #[test]
 fn a_late_watcher_gets_the_first_frame_and_the_newest_one() {
     let name = service();
@@ -115,8 +122,7 @@ fn a_late_watcher_gets_the_first_frame_and_the_newest_one() {
     for seq in 0..3 {
         publish(&mut client, seq);
     }
-    let mut sidecar = sidecar(&name);
-    assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
+    let mut sidecar = late_sidecar(&name, &mut client);
     let watcher = std::thread::spawn(move || {
         new_session(&mut sidecar);
         let mut set = None;
@@ -165,8 +171,7 @@ fn an_accepted_frame_is_the_baseline_of_a_late_watcher() {
         }
         publish(&mut client, seq);
     }
-    let mut sidecar = sidecar(&name);
-    assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
+    let mut sidecar = late_sidecar(&name, &mut client);
     new_session(&mut sidecar);
     let frame = next_frame(&mut sidecar);
     let info = frame.info(&mut LastLabels::default()).unwrap();
@@ -184,15 +189,13 @@ fn the_next_watcher_gets_a_frame_that_waited_behind_the_baseline() {
     for seq in 0..3 {
         publish(&mut client, seq);
     }
-    let mut first = sidecar(&name);
-    assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
+    let mut first = late_sidecar(&name, &mut client);
     new_session(&mut first);
     assert_eq!(answer_next(&mut first), 0);
     let state = first.state().unwrap();
     drop(first);
-    let mut second = sidecar(&name);
+    let mut second = late_sidecar(&name, &mut client);
     second.resume(state);
-    assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
     new_session(&mut second);
     assert_eq!(answer_next(&mut second), 2);
     assert_eq!(second.counters().skipped, 1);
