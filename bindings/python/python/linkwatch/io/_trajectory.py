@@ -96,7 +96,7 @@ class PassedOver:
         at = file.tell()
         file.seek(reader._offsets[frame])
         found = [file.readline() for _ in range(9)]
-        # The reader goes on from there.
+        # MDAnalysis reads the next frame from its own position in the file.
         file.seek(at)
         return found
 
