@@ -381,16 +381,28 @@ impl Sidecar {
         if let Some(frame) = self.take_baseline() {
             return Some(frame);
         }
-        let (session, header) = (self.session.as_mut()?, self.newest.as_ref()?.header);
-        let has_baseline = [session.baseline, Some(header.seq)].contains(&Some(header.baseline));
-        let begins_here = self.from_now && session.baseline.is_none();
-        if !has_baseline && !begins_here {
-            let since = session.waits.get_or_insert_with(Instant::now);
+        if self.awaits_baseline() {
+            let since = self
+                .session
+                .as_mut()?
+                .waits
+                .get_or_insert_with(Instant::now);
             if since.elapsed() < BASELINE_LIMIT {
                 return None;
             }
         }
         self.newest.take()
+    }
+
+    /// Returns true if the baseline of the newest frame was not received.
+    fn awaits_baseline(&self) -> bool {
+        let (Some(session), Some(newest)) = (&self.session, &self.newest) else {
+            return false;
+        };
+        let received = self.baseline.as_ref().map(Frame::seq);
+        let here = [received, session.baseline, Some(newest.seq())];
+        let begins_here = self.from_now && session.baseline.is_none();
+        !begins_here && !here.contains(&Some(newest.header.baseline))
     }
 
     /// Returns the baseline that was received, unless the watcher is to begin with a newer frame.
@@ -440,7 +452,13 @@ impl Sidecar {
         let session = self.session.as_mut().expect("set or compared above");
         self.alive = Instant::now();
         if is(FLAG_END) {
+            // To a watcher that came just now, the simulator sends the baseline after the end.
+            let since = Instant::now();
             self.receive_baseline(header.session);
+            while self.awaits_baseline() && since.elapsed() < BASELINE_LIMIT {
+                self.endpoint.wait(TICK);
+                self.receive_baseline(header.session);
+            }
             let session = self.session.as_ref().expect("as above");
             let (published, why) = session.published(header.seq);
             let end = Event::End {

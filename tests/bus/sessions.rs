@@ -1,5 +1,7 @@
 //! Frames arrive unchanged, and every frame is counted.
 
+use super::hostile::HostilePublisher;
+use super::support::raw_bus::Header;
 use super::*;
 use linkwatch::{Change, CurveLabels, Departure, Finding, LastLabels, Outcome, Positions};
 
@@ -137,6 +139,33 @@ fn a_late_watcher_gets_the_first_frame_and_the_newest_one() {
     });
     assert!(client.wait_for_watcher(PATIENCE).unwrap());
     drop(watcher.join().unwrap());
+}
+
+/// Regression test: if a watcher came while the simulator sent the end, it verified the last frame
+/// as its first one. It was not informed of the baseline, which the simulator sent right after.
+#[test]
+fn the_baseline_may_arrive_after_the_end() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut frames = HostilePublisher::open(&name);
+    frames.send(|header, _| header.seq = 3);
+    frames.send(|header, payload| {
+        (header.seq, header.flags) = (4, Header::END);
+        payload.clear();
+    });
+    let watcher = std::thread::spawn(move || {
+        new_session(&mut sidecar);
+        for seq in [0, 3] {
+            let frame = next_frame(&mut sidecar);
+            answer(&mut sidecar, &frame, &mut None);
+            assert_eq!(frame.seq(), seq);
+        }
+        assert!(matches!(next(&mut sidecar), Event::End { .. }));
+    });
+    std::thread::sleep(Duration::from_millis(100));
+    let mut baselines = HostilePublisher::open(&name);
+    baselines.send(|header, _| header.flags = Header::BASELINE);
+    watcher.join().unwrap();
 }
 
 #[test]
