@@ -106,6 +106,8 @@ pub(crate) struct CurveChange {
     pub gone: Vec<String>,
     /// Names of the curves that were closed before, and are open.
     pub opened: Vec<String>,
+    /// Names of the curves that were open before, and are closed with the same number of points.
+    pub closed: Vec<String>,
 }
 
 impl CurveChange {
@@ -134,28 +136,42 @@ impl CurveChange {
             appeared: after.names.iter().filter(is_new).cloned().collect(),
             gone: before.names.iter().filter(is_gone).cloned().collect(),
             opened: Vec::new(),
+            closed: Vec::new(),
         })
     }
 
-    /// Notes which of the curves, with these names, were closed before and are open.
+    /// Notes which of the curves, with these names, were closed before and are open, or the other
+    /// way round.
     #[cfg(feature = "verify")]
-    pub fn note_opened(&mut self, before: &CurveSet, now: &CurveSet, names: &[String]) {
-        let kept = self.origins.iter().enumerate();
-        let kept = kept.filter_map(|(i, origin)| Some((i, (*origin)? as usize)));
-        let opened = kept.filter(|&(i, k)| before.curve(k).closed && !now.curve(i).closed);
-        self.opened = opened.map(|(i, _)| names[i].clone()).collect();
+    pub fn note_closed_and_opened(&mut self, before: &CurveSet, now: &CurveSet, names: &[String]) {
+        for (i, origin) in self.origins.iter().enumerate() {
+            let Some(k) = *origin else {
+                continue;
+            };
+            let (before, now) = (before.curve(k as usize), now.curve(i));
+            match (before.closed, now.closed) {
+                (true, false) => self.opened.push(names[i].clone()),
+                (false, true) if before.points == now.points => self.closed.push(names[i].clone()),
+                _ => {}
+            }
+        }
     }
 
     /// Returns in words which curves were closed before and are open. `None` if there are none.
     #[cfg(feature = "verify")]
     pub fn words_of_opened(&self) -> Option<String> {
-        let first = self.opened.first()?;
-        let more = match self.opened.len() - 1 {
-            0 => String::new(),
-            n => format!(" and {n} more"),
-        };
+        let curves = words_of_first(&self.opened)?;
         Some(format!(
-            "the linking numbers of curve {first}{more}: closed in the previous frame, and open"
+            "the linking numbers of curve {curves}: closed in the previous frame, and open"
+        ))
+    }
+
+    /// Returns in words which curves were open before and are closed. `None` if there are none.
+    #[cfg(feature = "verify")]
+    pub fn words_of_closed(&self) -> Option<String> {
+        let curves = words_of_first(&self.closed)?;
+        Some(format!(
+            "pull-throughs of curve {curves}: open in the previous frame, and closed"
         ))
     }
 
@@ -164,6 +180,16 @@ impl CurveChange {
         let same = |(i, origin): (u32, &Option<u32>)| *origin == Some(i);
         self.before == self.origins.len() && (0..).zip(&self.origins).all(same)
     }
+}
+
+/// Returns the first name and the number of the others. `None` if there are none.
+#[cfg(feature = "verify")]
+fn words_of_first(names: &[String]) -> Option<String> {
+    let first = names.first()?;
+    Some(match names.len() - 1 {
+        0 => first.clone(),
+        n => format!("{first} and {n} more"),
+    })
 }
 
 /// Returns which curves appeared and which are gone, in words: "curves appeared: a, b; gone: c".

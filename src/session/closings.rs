@@ -3,74 +3,74 @@
 
 use crate::ingest::{Closing, ClosingNote, Decisions};
 
-/// Decisions about the last layout of which a frame was verified, and about another one.
+/// Decisions about the layout of the last verified frame, and about the current frame.
 #[derive(Debug)]
 pub(super) struct Closings {
     keep_open: bool,
-    /// Layouts and their decisions; the verified one is first, if there is one.
-    of: Vec<(u32, Closing)>,
-    verified: bool,
+    /// Layout of the last verified frame.
+    known: Option<(u32, Closing)>,
+    /// Decisions of a frame of another layout, until it is verified.
+    new: Closing,
 }
 
 impl Closings {
     pub fn new(keep_open: bool) -> Closings {
         Closings {
             keep_open,
-            of: Vec::new(),
-            verified: false,
+            known: None,
+            new: Closing::new(keep_open),
         }
     }
 
     /// Continues with decisions about a layout.
     pub fn decided(keep_open: bool, layout: u32, decisions: Decisions) -> Closings {
         Closings {
-            keep_open,
-            of: vec![(layout, Closing::decided(keep_open, decisions))],
-            verified: true,
+            known: Some((layout, Closing::decided(keep_open, decisions))),
+            ..Closings::new(keep_open)
         }
     }
 
     /// Returns the decisions about the layout of the last verified frame.
     pub fn decisions(&self) -> Decisions {
-        let of = self.of.first().filter(|_| self.verified);
-        of.map_or_else(Decisions::default, |of| of.1.decisions())
+        let known = self.known.as_ref();
+        known.map_or_else(Decisions::default, |known| known.1.decisions())
     }
 
-    /// Returns the decisions about a layout, which may be made later.
-    pub fn of(&mut self, layout: u32) -> &mut Closing {
-        let known = self.of.iter().position(|of| of.0 == layout);
-        let k = known.unwrap_or_else(|| {
-            self.of.truncate(usize::from(self.verified));
-            self.of.push((layout, Closing::new(self.keep_open)));
-            self.of.len() - 1
-        });
-        &mut self.of[k].1
+    /// Returns the decisions about a layout, if the last verified frame has it.
+    pub fn known(&mut self, layout: u32) -> Option<&mut Closing> {
+        let known = self.known.as_mut().filter(|known| known.0 == layout);
+        known.map(|known| &mut known.1)
     }
 
-    /// Tells the result of a frame.
-    pub fn end_frame(&mut self, layout: u32, verified: bool) {
-        self.of(layout).end_frame(verified);
-        if verified {
-            // Frames of the next layout may be received already.
-            self.of.sort_by_key(|of| of.0 != layout);
-            self.verified = true;
+    /// Begins decisions about a layout that the last verified frame does not have. The curves with
+    /// the value true stay open.
+    pub fn begin(&mut self, stay_open: Vec<bool>) -> &mut Closing {
+        self.new = Closing::new(self.keep_open).with_open(stay_open);
+        &mut self.new
+    }
+
+    /// Tells the result of a frame. Returns the decisions that it made.
+    pub fn end_frame(&mut self, layout: u32, verified: bool) -> Vec<ClosingNote> {
+        if let Some(known) = self.known(layout) {
+            known.end_frame(verified);
+            return known.take_notes();
         }
+        let mut new = std::mem::replace(&mut self.new, Closing::new(self.keep_open));
+        let notes = new.take_notes();
+        new.end_frame(verified);
+        if verified {
+            self.known = Some((layout, new));
+        }
+        notes
     }
 
     /// Forgets all decisions, so that the next frame makes others.
     pub fn forget(&mut self) {
-        self.of.clear();
-        self.verified = false;
-    }
-
-    /// Returns the decisions that were made since the last call.
-    pub fn take_notes(&mut self) -> Vec<ClosingNote> {
-        let all = self.of.iter_mut();
-        all.flat_map(|of| of.1.take_notes()).collect()
+        *self = Closings::new(self.keep_open);
     }
 
     /// Returns the number of curves that are closed because they end where they start.
     pub fn joined(&self) -> usize {
-        self.of.first().map_or(0, |of| of.1.joined())
+        self.known.as_ref().map_or(0, |known| known.1.joined())
     }
 }

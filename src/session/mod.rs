@@ -147,12 +147,21 @@ impl Session {
         if self.pool.0 != info.layout {
             self.pool = (info.layout, FramePool::default());
         }
-        let (engine, closing) = (&mut self.engine, self.closings.of(info.layout));
+        // Before a frame with this layout is verified, nothing is decided, because this frame or an
+        // earlier one may be rejected.
+        let (engine, mut closing) = (&mut self.engine, self.closings.known(info.layout));
+        let is_closed = closing.is_some();
         let curves = self.pool.1.receive(|set| {
-            read(&mut |frame| engine.receive(closing.close(frame, source)?, cell.as_ref(), set))
+            read(&mut |frame| {
+                let frame = match &mut closing {
+                    Some(closing) => closing.close(frame, source)?,
+                    None => frame,
+                };
+                engine.receive(frame, cell.as_ref(), set)
+            })
         });
         Received {
-            is_closed: true,
+            is_closed,
             took: start.elapsed(),
             ..Received::new(info, curves)
         }
@@ -182,11 +191,11 @@ impl Session {
             };
             self.try_to_verify(&mut info, closed?, &mut continuation)
         });
-        self.closings.end_frame(info.layout, outcome.is_ok());
+        let notes = self.closings.end_frame(info.layout, outcome.is_ok());
         let mut verified = VerifiedFrame {
             curves: None,
             continuation,
-            notes: self.closings.take_notes(),
+            notes,
             ingest: frame.took,
             report: Report::new(seq, time, Verdict::Rejected),
             info,
@@ -341,8 +350,30 @@ impl Session {
 
     fn close(&mut self, set: Arc<CurveSet>, info: &FrameInfo) -> Result<Arc<CurveSet>> {
         let source = self.source(info);
-        let closing = self.closings.of(info.layout);
+        let stay_open = self.curves_that_stay_open(info, &set);
+        let closing = match self.closings.known(info.layout) {
+            Some(closing) => closing,
+            None => self.closings.begin(stay_open),
+        };
         Ok(closing.of_set(&set, source)?.map_or(set, Arc::new))
+    }
+
+    /// Returns for each curve of a frame if a curve of this name and number of points is open in
+    /// the last verified frame.
+    fn curves_that_stay_open(&self, info: &FrameInfo, set: &CurveSet) -> Vec<bool> {
+        let last = self.last().zip(self.coordinates.last.as_ref());
+        let Some((last, (before, _))) = last.filter(|(last, _)| last.layout != info.layout) else {
+            return Vec::new();
+        };
+        let change = CurveChange::by_name(&last.labels, &info.labels);
+        let origins = change.map_or_else(|_| Vec::new(), |change| change.origins);
+        let is_open = |(origin, count): (Option<u32>, i32)| {
+            origin.is_some_and(|k| {
+                let curve = before.curve(k as usize);
+                !curve.closed && curve.points == count.unsigned_abs()
+            })
+        };
+        origins.into_iter().zip(set.counts()).map(is_open).collect()
     }
 
     /// Fails if the curves of a received frame are others than those of the last verified frame of
@@ -372,6 +403,9 @@ impl Session {
         given: Arc<CurveSet>,
         continuation: &mut Continuation,
     ) -> Result<(Report, Arc<CurveSet>)> {
+        if given.is_empty() {
+            return Err(Error::Usage("the frame holds no curves".into()));
+        }
         let of_frame = info.cell;
         info.cell = self.cell(info);
         let last = self.last();
@@ -397,8 +431,13 @@ impl Session {
         }
         let change = last.map(|last| info.change_since(last)).transpose()?;
         info.cell = check_cell(info.cell, last.map(|last| last.cell))?;
-        // In a cell, the curves are the same in all frames, but may be described again.
-        let same = |change: &CurveChange| info.cell.is_some() && change.is_identity();
+        // The same curves may be described again. In a cell, they are the same in all frames.
+        let before = self.coordinates.last.as_ref().map(|(before, _)| before);
+        let have_same_size =
+            || before.is_some_and(|before| before.check_same_layout(&given).is_ok());
+        let same = |change: &CurveChange| {
+            change.is_identity() && (info.cell.is_some() || have_same_size())
+        };
         let mut change = change.flatten().filter(|change| !same(change));
         // A frame that begins a run or a part is verified beside the state of the frames before it,
         // which remains if the frame is rejected.
@@ -410,7 +449,7 @@ impl Session {
         };
         let set = coordinates.place(&given, info, of_frame)?;
         if let (Some(change), Some((before, _))) = (&mut change, &coordinates.last) {
-            change.note_opened(before, &set, &info.labels.names);
+            change.note_closed_and_opened(before, &set, &info.labels.names);
         }
         let cuts = cut || matches!(self.next, Next::Cut);
         let mut report = engine.verify(NextFrame {

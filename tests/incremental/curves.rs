@@ -308,3 +308,188 @@ fn a_curve_that_is_open_when_it_is_described_again_is_not_intact() {
         );
     }
 }
+
+/// An open square whose ends meet if `gap` is 0, and an open strand beside its edge x = 1.
+fn square_and_strand(gap: f64, x: f64) -> [Vec<[f64; 3]>; 2] {
+    let square = [[-1., -1., 0.], [1., -1., 0.], [1., 1., 0.], [-1., 1., 0.]];
+    let end = [-1., gap - 1., 0.];
+    let strand = [-1., -0.4, 0.4, 1.].map(|z| [x, 0., z]);
+    [[&square[..], &[end]].concat(), strand.to_vec()]
+}
+
+/// Returns a session that searches for pull-throughs.
+fn searching() -> Session {
+    let options = SessionOptions {
+        events: Events::Between,
+        ..SessionOptions::default()
+    };
+    Session::new(options).unwrap()
+}
+
+/// Feeds curves with names to a session, in the precision of the positions.
+fn feed_named(
+    session: &mut Session,
+    (seq, layout): (u64, u32),
+    names: [&str; 2],
+    (curves, signs): (&[Vec<[f64; 3]>; 2], [i32; 2]),
+    precision: Precision,
+) -> Report {
+    let counts = [0, 1].map(|i| signs[i] * curves[i].len() as i32);
+    let double = curves.concat().concat();
+    let single: Vec<f32> = double.iter().map(|&x| x as f32).collect();
+    let frame = RawFrame {
+        basis: Basis::Polyline,
+        counts: &counts,
+        positions: match precision {
+            Precision::F32 => Positions::F32(&single),
+            Precision::F64 => Positions::F64(&double),
+        },
+    };
+    let info = FrameInfo::at(seq, 0.0).with_labels(layout, CurveLabels::named(names));
+    session.feed(info, frame).unwrap()
+}
+
+/// Regression test: an open curve whose ends had met was closed when the curves were described
+/// again, and pull-throughs in the step to that frame were not searched for.
+#[test]
+fn an_open_curve_stays_open_when_it_is_described_again() {
+    let mut session = searching();
+    let mut feed = |seq, gap, x, reordered| {
+        let (mut curves, mut names) = (square_and_strand(gap, x), ["a", "b"]);
+        if reordered {
+            curves.reverse();
+            names.reverse();
+        }
+        let place = (seq, u32::from(reordered));
+        let report = feed_named(
+            &mut session,
+            place,
+            names,
+            (&curves, [1, 1]),
+            Precision::F64,
+        );
+        (report.verdict, report.events.len())
+    };
+    assert_eq!(feed(0, 0.5, 0.7, false), (Verdict::Intact, 0));
+    assert_eq!(feed(1, 0.0, 0.8, false), (Verdict::Intact, 0));
+    assert_eq!(feed(2, 0.0, 1.2, true), (Verdict::Changed, 1));
+    assert_eq!(feed(3, 0.0, 1.3, true), (Verdict::Intact, 0));
+}
+
+/// Regression test: steps to curves that were described again in another precision, or as closed,
+/// were not searched for pull-throughs, and the frame was intact.
+#[test]
+fn a_step_that_cannot_be_searched_is_not_intact() {
+    let square = square_and_strand(0.5, 0.8);
+    for (precision, sign, words) in [
+        (
+            Precision::F64,
+            1,
+            "pull-throughs: the basis or the precision",
+        ),
+        (
+            Precision::F32,
+            -1,
+            "pull-throughs of curve a: open in the previous frame",
+        ),
+    ] {
+        let mut session = searching();
+        let mut feed = |seq, layout, curves, signs, precision| {
+            feed_named(
+                &mut session,
+                (seq, layout),
+                ["a", "b"],
+                (curves, signs),
+                precision,
+            )
+        };
+        let first = feed(0, 0, &square, [1, 1], Precision::F32);
+        assert_eq!(first.verdict, Verdict::Intact);
+        let passed = square_and_strand(0.5, 1.2);
+        let report = feed(1, 1, &passed, [sign, 1], precision);
+        assert_eq!(report.verdict, Verdict::Undecided, "{report:?}");
+        assert!(report.missing[0].contains(words), "{:?}", report.missing);
+        let next = feed(2, 1, &passed, [sign, 1], precision);
+        assert_eq!(next.verdict, Verdict::Intact, "{next:?}");
+    }
+}
+
+/// Regression test: after a rejected frame with other names, the curves of the last verified frame
+/// counted as described again, and a contact that ended was undecided.
+#[test]
+fn a_rejected_description_leaves_no_trace() {
+    let strands = |z: f64| -> [Vec<[f64; 3]>; 2] {
+        let along = [-2., -1., 0., 1., 2.];
+        [
+            along.map(|x| [x, 0., 0.]).to_vec(),
+            along.map(|y| [0.35, y, z]).to_vec(),
+        ]
+    };
+    let verdicts = [false, true].map(|rejected| {
+        let mut session = searching();
+        let mut feed = |seq, layout, names, z| {
+            let curves = strands(z);
+            let place = (seq, layout);
+            feed_named(
+                &mut session,
+                place,
+                names,
+                (&curves, [1, 1]),
+                Precision::F64,
+            )
+            .verdict
+        };
+        let mut verdicts = vec![feed(0, 0, ["a", "b"], 0.5), feed(1, 0, ["a", "b"], 0.0)];
+        if rejected {
+            assert_eq!(feed(2, 1, ["b", "a"], f64::NAN), Verdict::Rejected);
+        }
+        verdicts.extend([feed(3, 2, ["a", "b"], 0.5), feed(4, 2, ["a", "b"], 0.5)]);
+        verdicts
+    });
+    assert_eq!(verdicts[0], verdicts[1]);
+    assert_eq!(verdicts[0][1], Verdict::Contact);
+}
+
+/// Regression test: the first frame that was received decided which curves are closed, also if it
+/// was rejected, and the second one was received before that.
+#[test]
+fn a_rejected_first_frame_decides_nothing_for_a_frame_received_before() {
+    let mut session = searching();
+    let [square, strand] = square_and_strand(0.0, 0.8);
+    let good = [square, strand].concat().concat();
+    let mut bad = good.clone();
+    bad[0] = f64::NAN;
+    let receive = |session: &mut Session, seq, xyz: &[f64]| {
+        session.receive(FrameInfo::at(seq, 0.0), |copy| {
+            copy(RawFrame {
+                basis: Basis::Polyline,
+                counts: &[5, 4],
+                positions: Positions::F64(xyz),
+            })
+        })
+    };
+    let first = receive(&mut session, 0, &bad);
+    let second = receive(&mut session, 1, &good);
+    assert_eq!(
+        session.verify(first).unwrap().report.verdict,
+        Verdict::Rejected
+    );
+    let verified = session.verify(second).unwrap();
+    assert_eq!(verified.joined, 1);
+    assert_eq!(verified.report.stats.open_curves, 1);
+}
+
+#[test]
+fn a_frame_without_curves_is_rejected() {
+    let mut session = searching();
+    let none = RawFrame {
+        basis: Basis::Polyline,
+        counts: &[],
+        positions: Positions::F64(&[]),
+    };
+    let report = session.feed(FrameInfo::at(0, 0.0), none).unwrap();
+    assert_eq!(
+        report.rejected.as_deref(),
+        Some("the frame holds no curves")
+    );
+}

@@ -71,7 +71,7 @@ impl Layout {
         let gap = |k: usize| metric.distance(self.point(at, k), self.point(at, left + k));
         let gaps = (0..self.repeated()).map(gap);
         // NaN if one of them is.
-        gaps.reduce(|a, b| if a >= b { a } else { b })
+        gaps.reduce(|a, b| if a >= b || a.is_nan() { a } else { b })
     }
 
     /// Returns the largest distance at which points count as equal: `near` median segments, or

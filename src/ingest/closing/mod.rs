@@ -66,6 +66,8 @@ use std::ops::Range;
 #[derive(Debug, Default)]
 pub struct Closing {
     keep_open: bool,
+    /// True for each curve that stays open, also if it ends where it starts; may be shorter.
+    stay_open: Vec<bool>,
     /// Decisions of the first frame; empty before it.
     known: Vec<Known>,
     /// True if a frame with these decisions was verified.
@@ -125,6 +127,11 @@ impl Closing {
             keep_open,
             ..Closing::default()
         }
+    }
+
+    /// Keeps the curves with the value true open.
+    pub(crate) fn with_open(self, stay_open: Vec<bool>) -> Closing {
+        Closing { stay_open, ..self }
     }
 
     /// Returns for each curve if it ends where it starts, by the rule for open polylines, whether
@@ -291,6 +298,7 @@ impl Closing {
             first += layout.points;
             let metric = if source.wrapped { &nearest } else { &plain };
             let at = &frame.positions;
+            let stays_open = self.stay_open.get(i).is_some_and(|&open| open);
             self.known.push(if count < 0 {
                 let factor = layout.closing_factor(at, &nearest);
                 let is_long = |factor: f64| factor > ClosingNote::FACTOR;
@@ -300,7 +308,9 @@ impl Closing {
                     false => layout.closing_factor(at, &plain),
                 };
                 let apart = factor.max(own);
-                if is_long(factor) && source.closed_by_default {
+                if stays_open && source.closed_by_default {
+                    Known::Open
+                } else if is_long(factor) && source.closed_by_default {
                     note(ClosingKind::Opened, i, factor);
                     Known::Open
                 } else {
@@ -315,7 +325,7 @@ impl Closing {
                         None => Known::Closed,
                     }
                 }
-            } else if self.keep_open {
+            } else if self.keep_open || stays_open {
                 Known::Open
             } else {
                 match layout.ends(at, metric) {

@@ -434,3 +434,42 @@ fn a_closed_curve_without_points_is_left_to_be_rejected() {
         assert_eq!([-4, 0, 1, -4].map(&mut of), [true, false, false, true]);
     }
 }
+
+/// Regression test: NaN in the first of three repeated points was lost, and the frame was closed
+/// without that point.
+#[test]
+fn a_repeated_point_that_is_not_a_number_is_an_error() {
+    let corners = [
+        [0., 0.],
+        [1., 0.],
+        [2., 0.],
+        [2., 1.],
+        [2., 2.],
+        [1., 2.],
+        [0., 2.],
+        [0., 1.],
+    ];
+    let ring = corners.map(|[x, y]| [x, y, 0.]);
+    let points = [&ring[..], &ring[..3]].concat();
+    for basis in [Basis::CatmullRom, Basis::BSpline] {
+        for point in [0, 1, 2, 8, 9, 10] {
+            let mut closing = Closing::default();
+            let mut close = |points: &[[f64; 3]]| {
+                let frame = RawFrame {
+                    basis,
+                    counts: &[11],
+                    positions: Positions::F64(points.as_flattened()),
+                };
+                closing.curves(frame, CurveSource::default()).map(|_| ())
+            };
+            close(&points).unwrap();
+            let mut bad = points.clone();
+            bad[point] = [f64::NAN; 3];
+            let error = close(&bad).unwrap_err().to_string();
+            assert!(
+                error.contains(&format!("point {point}: coordinate x is NaN")),
+                "{error}"
+            );
+        }
+    }
+}
