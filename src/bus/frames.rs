@@ -204,8 +204,9 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// The errors of [`CurveLabels::check`]; [`Error::CurveTooShort`]; [`Error::Bus`] if curves
-    /// without names change after the first frame.
+    /// The errors of [`CurveLabels::check`]; [`Error::Usage`] without curves;
+    /// [`Error::CurveTooShort`]; [`Error::Bus`] if curves without names change after the first
+    /// frame.
     pub fn describe_labelled(
         &mut self,
         basis: Basis,
@@ -216,6 +217,9 @@ impl Client {
         self.connection.check()?;
         let frames = &mut self.frames;
         labels.check(counts.len())?;
+        if counts.is_empty() {
+            return Err(Error::Usage("no curves: describe at least one".into()));
+        }
         let unnamed = |labels: &CurveLabels| labels.names.is_empty();
         let before = frames.layout.as_ref().map(|layout| &layout.labels);
         if frames.next > 0 && (unnamed(&labels) || before.is_none_or(unnamed)) {
