@@ -449,6 +449,21 @@ fn detects_damage_at_any_byte() {
     }
 }
 
+/// Regression test: the second one of two recordings in one file was ignored without a word.
+#[test]
+fn recordings_that_were_joined_are_an_error() {
+    let one = write(&small(3), false, true);
+    let (all, ending, error) = read(&one);
+    assert!(ending == Some(Ending::Finished) && error.is_none());
+    for more in [&one[..], &[0]] {
+        let (items, ending, error) = read(&[&one, more].concat());
+        let error = error.unwrap().to_string();
+        let words = format!("{} bytes after the end of the recording", more.len());
+        assert!(error.contains(&words), "{error}");
+        assert_eq!((items, ending), (all.clone(), None));
+    }
+}
+
 #[test]
 fn rejects_wrong_lengths_without_allocating_them() {
     let whole = write(&small(2), true, true);

@@ -355,6 +355,7 @@ impl<R: Read + Seek> Container<R> {
                     let what = format!("checksum {found:08x}, expected {expected:08x}");
                     return Err(invalid("data of the whole file", what));
                 }
+                self.check_tail()?;
                 self.ending = Some(Ending::Finished);
             }
             op::CHUNK if length <= left || !self.closed => {
@@ -388,6 +389,29 @@ impl<R: Read + Seek> Container<R> {
             }
         }
         Ok(None)
+    }
+
+    /// Fails if anything follows the records after the data, as in files that were joined.
+    fn check_tail(&mut self) -> Result<()> {
+        while self.length - self.at >= RECORD_HEADER {
+            let mut header = self.take(RECORD_HEADER)?;
+            let (opcode, length) = (header.get_u8(), header.get_u64_le());
+            if length > self.length - self.at {
+                break;
+            }
+            let end = self.at + length;
+            self.skip_to(end)?;
+            let more = (self.length - end).saturating_sub(MAGIC.len() as u64);
+            if opcode == op::FOOTER && more > 0 {
+                let what = format!(
+                    "{more} bytes after the end of the recording: files that were joined are read \
+                     one by one"
+                );
+                let end = end + MAGIC.len() as u64;
+                return Err(invalid(&format!("byte {end}"), what));
+            }
+        }
+        Ok(())
     }
 
     /// Reads the first bytes of a message, or all if `whole` returns true for its channel.
