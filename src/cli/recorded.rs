@@ -2,10 +2,20 @@
 
 use super::output::{count, plural};
 use super::source::Source;
-use crate::record::{CUT_OFF, MissingFrames};
+use crate::record::{CUT_OFF, MissingFrames, PART};
 use linkwatch::formats::ModelFrame;
 use linkwatch::{Ending, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, Result, Verdict};
 use std::path::Path;
+
+/// Returns the number of a file among those of a recorded run, from 1. `None` if it cannot be read
+/// as a recording.
+pub fn part(path: &Path) -> Option<u32> {
+    let mut source = Source::new(path).ok()?;
+    // The metadata is before the first item.
+    source.next().ok()?;
+    let number = source.reader.metadata().get(PART);
+    number.map_or(Some(1), |number| number.parse().ok())
+}
 
 /// Frames of a recording with what the simulator told about them: cell, cuts, layout, names, radii
 /// and time step.

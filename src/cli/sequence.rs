@@ -1,6 +1,7 @@
 //! Frames of several files, one after the other: those of one motion, or of several runs.
 
 use super::input::{self, FileFrames};
+use super::recorded;
 use linkwatch::formats::{Format, ModelFrame, ReadOptions};
 use linkwatch::{CurveSet, Error, FrameInfo, LeftOut, Received, Result};
 use std::collections::VecDeque;
@@ -23,6 +24,8 @@ pub struct Sequence {
     /// True if a file so far had several frames.
     had_several: bool,
     current: Option<File>,
+    /// Number of the last file, if it is one of several of a recorded run.
+    part: Option<u32>,
     /// Elements that were not read of the current file.
     left_out: Vec<LeftOut>,
     /// Number of the next frame, if it has none of its own.
@@ -30,6 +33,8 @@ pub struct Sequence {
     /// Information about the last valid frame, and the number of points of each of its curves.
     info: FrameInfo,
     counts: Vec<i32>,
+    /// Number of cuts of that frame in its file; the maximum if the next frame begins a run.
+    cuts_in_file: Option<u32>,
 }
 
 /// A file that is being read.
@@ -38,6 +43,8 @@ struct File {
     frames: FileFrames,
     /// True until its first frame was taken, if that begins a run.
     begins_run: bool,
+    /// True until its first valid frame was taken, if files before it are missing.
+    after_gap: bool,
     /// Number of cuts and layout number of its last valid frame.
     last_seen: Option<(u32, u32)>,
 }
@@ -85,10 +92,14 @@ impl Sequence {
         let has_several = ahead.len() > 1;
         let begins_run = has_several && self.had_several && !self.one_motion;
         self.had_several |= has_several;
+        let part = self.one_motion.then(|| recorded::part(&path)).flatten();
+        let last = std::mem::replace(&mut self.part, part);
+        let after_gap = part.is_some_and(|part| part > 1 && last.is_some_and(|n| n + 1 != part));
         Ok(File {
             path,
             frames: Box::new(ahead.into_iter().chain(frames)),
             begins_run,
+            after_gap,
             last_seen: None,
         })
     }
@@ -142,9 +153,18 @@ impl Sequence {
     fn note(&mut self, curves: &CurveSet, info: &FrameInfo) {
         let now = (info.cuts, info.layout);
         let last_seen = self.current.as_mut().and_then(|f| f.last_seen.replace(now));
-        let (cuts, layout) = last_seen.unwrap_or(now);
-        let (cut, described) = (cuts != info.cuts, layout != info.layout);
-        self.info.cuts = self.info.cuts.wrapping_add(u32::from(cut));
+        let (cut, described) = match last_seen {
+            Some((cuts, layout)) => (cuts != info.cuts, layout != info.layout),
+            // A file either counts on from the one before it, or from 0.
+            None => (
+                self.cuts_in_file.is_some_and(|cuts| cuts < info.cuts),
+                false,
+            ),
+        };
+        self.info.cuts = match self.cuts_in_file.replace(info.cuts) {
+            None => info.cuts,
+            Some(_) => self.info.cuts.wrapping_add(u32::from(cut)),
+        };
         self.info.time_step = info.time_step;
         let same_counts = curves.counts().eq(self.counts.iter().copied());
         if !described && same_counts && info.labels.names == self.info.labels.names {
@@ -169,7 +189,7 @@ impl Iterator for Sequence {
     /// file.
     fn next(&mut self) -> Option<Result<Frame>> {
         let (begins_run, read) = self.read()?;
-        let (path, frame) = match read {
+        let (path, mut frame) = match read {
             Ok(read) => read,
             Err(Error::InFile { path, source }) => {
                 (path, ModelFrame::new(self.next_seq, Err(*source)))
@@ -186,9 +206,17 @@ impl Iterator for Sequence {
             self.info.layout = self.info.layout.wrapping_add(1);
             self.info.labels = Arc::default();
             self.counts.clear();
+            self.cuts_in_file = self.cuts_in_file.map(|_| u32::MAX);
         }
         if let Ok(curves) = &frame.curves {
             self.note(curves, &frame.info);
+            let file = self.current.as_mut();
+            if file.is_some_and(|file| std::mem::take(&mut file.after_gap)) {
+                frame.after_gap = true;
+                let kind = ["gap between files of a run", "gaps between files of a run"];
+                let gap = LeftOut::new(1, kind, &path.display().to_string());
+                LeftOut::merge(&mut frame.info.left_out, &[gap]);
+            }
         }
         input::warn_of_new(&path, &mut self.left_out, &frame.info.left_out);
         let name = match input::holds_frames(&path) {

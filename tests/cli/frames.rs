@@ -215,6 +215,43 @@ fn files_with_several_frames_are_runs_of_their_own() {
     assert_eq!(convert(&["--one-motion"]).code, 0);
 }
 
+/// Regression test: the step over files that were not given was searched for pull-throughs, and
+/// nothing was said about their frames.
+#[test]
+fn a_missing_file_of_a_recorded_run_is_a_gap() {
+    let folder = TempDir::new().unwrap();
+    let [frames, recording] = ["frames.npz", "run.mcap"].map(|name| folder.path().join(name));
+    let scene = [
+        "generate",
+        "chainmail:rows=12,columns=12",
+        "--frames",
+        "30,diameter=0.2",
+    ];
+    assert_eq!(
+        linkwatch(&[&scene[..], &["-o", text(&frames)]].concat()).code,
+        0
+    );
+    let record = format!("{},max=1MB", text(&recording));
+    let run = linkwatch(&["check", text(&frames), "--events", "--record", &record]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let [second, third] = [2, 3].map(|k| folder.path().join(format!("run-part{k}.mcap")));
+    assert!(third.exists());
+    let check = |files: &[&Path]| {
+        let files = files.iter().map(|file| text(file));
+        let args: Vec<&str> = ["check", "--one-motion"].into_iter().chain(files).collect();
+        linkwatch(&args)
+    };
+    let run = check(&[&recording, &second, &third]);
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    let run = check(&[&recording, &third]);
+    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+    assert!(
+        run.stderr.contains("1 gap between files of a run"),
+        "{}",
+        run.stderr
+    );
+}
+
 #[test]
 fn a_file_that_cannot_be_read_is_the_only_error() {
     let folder = TempDir::new().unwrap();

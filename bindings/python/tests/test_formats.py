@@ -983,6 +983,49 @@ def test_files_that_continue_one_another_are_one_motion(tmp_path):
     assert [row["frame"] for row in linkwatch.check(paths, one_motion=True).frames] == [0, 1, 2, 3]
 
 
+def parts(tmp_path, *cuts):
+    """Writes two parts of a motion. A strand passes another one in the step between them."""
+    along = np.array([[x, 0, 0] for x in (-2, -1, 0, 1, 2)], float)
+    across = np.array([[0.35, y, 0] for y in (-2, -1, 0, 1, 2)])
+    paths = []
+    for name, heights, given in zip(("a.npz", "b.npz"), ((0.5, 0.3), (-0.3, -0.5)), cuts):
+        positions = np.array([np.concatenate([along, across + [0, 0, z]]) for z in heights])
+        others = {} if given is None else {"cuts": given}
+        np.savez(tmp_path / name, positions=positions, counts=[5, 5], **others)
+        paths.append(tmp_path / name)
+    return paths
+
+
+def test_cuts_of_files_that_continue_one_another(tmp_path):
+    # Regression tests: Python took a file without cuts for a cut, and the command ignored a cut
+    # between two files.
+    for cuts, code in (
+        ((None, None), 1),
+        (([0, 1], None), 1),
+        (([0, 1], [0, 1]), 1),
+        (([1, 1], [1, 1]), 1),
+        (([0, 0], [1, 1]), 0),
+        (([0, 1], [2, 2]), 0),
+    ):
+        paths = parts(tmp_path, *cuts)
+        ended = run("check", "--one-motion", "--events", *paths)
+        assert ended[0] == code, (cuts, ended)
+        frames = linkwatch.read(*paths, one_motion=True)
+        assert linkwatch.check(frames).verdict == ("changed" if code else "intact"), cuts
+        for path in linkwatch.write(frames, tmp_path / "out.npz", force=True):
+            assert linkwatch.check(path).verdict == ("changed" if code else "intact"), cuts
+
+
+def test_a_part_of_a_motion_keeps_its_cuts(tmp_path):
+    # Regression test: cuts that are the same in all frames of a file were not written.
+    frames = [io.Frame(POINTS + [k, 0, 0], [-12, -12], seq=k, cuts=1) for k in range(2)]
+    (path,) = linkwatch.write(frames, tmp_path / "run.npz")
+    assert [frame.cuts for frame in linkwatch.read(path)] == [1, 1]
+    again = tmp_path / "again.npz"
+    assert run("convert", path, again)[0] == 0
+    assert np.load(again)["cuts"].tolist() == [1, 1]
+
+
 def test_single_quotes_and_empty_times_in_xml_files_of_vtk(tmp_path):
     # Regression tests: raw data was taken for base64, and an IndexError had no message.
     content = vtp("appended").replace(b'"raw"', b"'raw'").replace(b">0.25<", b"><")
@@ -1003,3 +1046,10 @@ def test_curves_stay_open_on_request_whatever_reads_their_file(tmp_path):
     assert np.load(out)["counts"].tolist() == [13, 13]
     code, out, err = run("check", "--keep-open", path, path)
     assert code == 0 and "2 open curves" in out, (out, err)
+    # Regression test: `keep_open` was ignored for files that the command reads.
+    assert next(iter(linkwatch.read(out, keep_open=True))).counts == [13, 13]
+    ring = np.concatenate([RING, RING[:1]])
+    apart = np.concatenate([RING, RING[:1] + [0, 0, 3]])
+    np.savez(tmp_path / "opens.npz", positions=[ring, apart], counts=[len(ring)])
+    found = linkwatch.check(tmp_path / "opens.npz", keep_open=True, events="all")
+    assert [row["verdict"] for row in found.frames] == ["intact", "intact"], found.summary

@@ -148,7 +148,7 @@ fn sink(mut files: Files, retention: Retention) -> Result<Box<dyn Sink>> {
 }
 
 /// Keys of the metadata of a file after the first one: its number, and the file before it.
-const PART: &str = "part";
+pub(crate) const PART: &str = "part";
 const CONTINUES: &str = "continues";
 
 /// State of the run before a frame.

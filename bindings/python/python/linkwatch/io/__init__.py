@@ -240,9 +240,8 @@ def read(
         if value is not None and name not in found.options.split():
             raise ValueError(f"{path}: `{name}` is no option for files of the format {found.name}")
     if keep_open and closed is None and found is not FORMATS[-1]:
-        # A session keeps curves open that the command reads.
         closed = False
-    options = Options(closed, unwrap, cell, select or "all", counts, topic, one_motion)
+    options = Options(closed, unwrap, cell, select or "all", counts, topic, one_motion, keep_open)
     frames = found.read(paths, options)
     if folder is not None:
         weakref.finalize(frames, folder.cleanup)

@@ -38,6 +38,7 @@ class Options:
     counts: Any = None
     topic: str | None = None
     one_motion: bool = False
+    keep_open: bool = False
 
     def cell_or(self, of_the_file: Array | None) -> Array | None:
         """Returns the cell to use: three vectors and the corner."""

@@ -30,6 +30,8 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
     for option, value in (("closed", options.closed), ("wrapped", options.unwrap)):
         if value is not None:
             words.append(f"--{option}={str(value).lower()}")
+    if options.keep_open:
+        words.append("--keep-open")
     if options.counts is not None:
         words.append(f"--counts={','.join(map(str, arguments.integers(options.counts)))}")
     if options.topic is not None:
@@ -48,20 +50,23 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
 
 
 def _chained(parts: list[Frames]) -> Frames:
-    """Returns the frames of files that continue one another, and so do their numbers."""
+    """Returns the frames of files that continue one another, and so do their numbers and cuts."""
     summary = parts[0].summary
     for said in ("left_out", "notes"):
         every = [one for part in parts for one in getattr(part.summary, said)]
         setattr(summary, said, list(dict.fromkeys(every)))
 
     def load() -> Iterator[Frame]:
-        last = -1
+        last, cuts, cuts_in_file = -1, 0, 0
         for part in parts:
             shift = 0
             for k, frame in enumerate(part):
                 shift = max(0, last + 1 - frame.seq) if k == 0 else shift
                 last = frame.seq + shift
-                yield dataclasses.replace(frame, seq=last)
+                # A file either counts on from the one before it, or from 0.
+                cuts += frame.cuts > cuts_in_file if k == 0 else frame.cuts != cuts_in_file
+                cuts_in_file = frame.cuts
+                yield dataclasses.replace(frame, seq=last, cuts=cuts)
 
     return Frames(parts[0].path, load, summary, sum(map(len, parts)))
 

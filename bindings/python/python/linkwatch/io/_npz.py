@@ -140,7 +140,7 @@ class _Part:
             "seq": np.array(self.seqs, np.uint64),
             "times": np.array(self.times, float),
         }
-        if len(set(self.cuts)) > 1:
+        if any(self.cuts):
             arrays["cuts"] = np.array(self.cuts, np.uint32)
         if first.names:
             arrays["names"] = first.names
