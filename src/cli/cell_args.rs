@@ -8,8 +8,10 @@ use linkwatch::{
 };
 use std::fmt;
 
-/// The option --keep-open in the metadata of a recording.
+/// The options --keep-open and --wrapped=false in the metadata of a recording. Frames with
+/// `--wrapped` are recorded unwrapped.
 pub const KEEP_OPEN: &str = "keep_open";
+pub const WRAPPED: &str = "wrapped";
 
 /// Word for frames whose cell is ignored.
 const NONE: &str = "none";

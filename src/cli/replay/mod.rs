@@ -283,18 +283,21 @@ impl Replay<'_> {
         let last = self.last.take().filter(|r| r.seq == report.seq);
         // Frames before this one are not here, so the motion to it differs from the recorded one.
         // The watch of a restarted process has the last frame of the one before in its state.
-        let is_first = self.comparison.recorded == 1;
+        let is_first = self.comparison.recorded - self.comparison.rejected == 1;
         let continues = is_first && self.begin.is_some_and(|baseline| baseline < report.seq);
         let after_gap =
             last.is_some() && std::mem::take(&mut self.left_out) || gap.frames > 0 || continues;
         let restarted = last.is_some() && std::mem::take(&mut self.restarted);
         let moved = after_gap && self.motion;
         let has_defects = |r: &Report| !r.defects.is_empty();
+        // Curves may touch since a frame that is not here, up to this frame.
+        let unfounded = !moved && self.unfounded;
         if moved {
             self.unfounded = last.as_deref().is_some_and(has_defects);
+        } else if last.is_some() {
+            self.unfounded &= has_defects(&report);
         }
-        // Curves may touch since a frame that is not here.
-        let moved = moved || self.unfounded && has_defects(&report);
+        let moved = moved || unfounded;
         match last {
             Some(_) if !self.comparison.differing.is_empty() => {}
             Some(_) if !report.missing.is_empty() => self.comparison.incomplete += 1,

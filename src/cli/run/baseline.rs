@@ -159,7 +159,8 @@ impl Run {
         let other_curves = !self.begun || judged.info.layout != self.sent_layout;
         let changed = self.baseline_changed || judged.curves.is_some() && other_curves;
         let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
-        changed || judged.report.defects.iter().any(is_fresh)
+        let report = &judged.report;
+        changed || !report.adopted.is_empty() || report.defects.iter().any(is_fresh)
     }
 
     /// Passes the baseline to the sinks, if it is known: before the first frame, and if it changes.

@@ -1,7 +1,7 @@
 //! Settings of a run: the options of the command, and those of a recording.
 
 use crate::cli::braid_args::{self, BraidArgs};
-use crate::cli::cell_args::{CellArgs, KEEP_OPEN};
+use crate::cli::cell_args::{CellArgs, KEEP_OPEN, WRAPPED};
 use crate::cli::clearance_args::{self, ClearanceArgs};
 use crate::cli::event_args::EventArgs;
 use crate::cli::files::{Files, Overwrite};
@@ -82,7 +82,10 @@ impl Judge {
         }
         judge.clearance_args = self.clearance_args.or_recorded(metadata);
         judge.braid_args = judge.braid_args.or_recorded(metadata)?;
-        judge.cell_args.keep_open |= metadata.contains_key(KEEP_OPEN);
+        // The curves of a recorded run were closed before they were recorded.
+        judge.cell_args.keep_open |= metadata.contains_key(KEEP_OPEN) || !converted;
+        let wrapped = &mut judge.cell_args.wrapped;
+        *wrapped = wrapped.or(recorded(metadata, WRAPPED));
         Ok(judge)
     }
 
@@ -140,6 +143,9 @@ impl Judge {
         metadata.insert(MOTION_LIMIT.into(), known.to_string());
         if self.cell_args.keep_open {
             metadata.insert(KEEP_OPEN.into(), "true".into());
+        }
+        if self.cell_args.wrapped == Some(false) {
+            metadata.insert(WRAPPED.into(), "false".into());
         }
         let invariants = self.event_args.invariants.clone();
         if !invariants.is_empty() {
