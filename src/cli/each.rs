@@ -51,7 +51,7 @@ pub struct EachArgs {
 /// The line of a run.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Line {
-    file: PathBuf,
+    file: String,
     /// Exit code of the process; `None` if a signal ended it.
     code: Option<i32>,
     /// Reason why there is no verdict.
@@ -83,7 +83,7 @@ fn key(files: &[PathBuf], options: &str) -> String {
 struct Lines {
     file: Option<File>,
     /// Exit codes and keys of the runs that the file had before.
-    done: HashMap<PathBuf, (Option<i32>, String)>,
+    done: HashMap<String, (Option<i32>, String)>,
     /// Numbers of runs: intact, changed, undecided and failed.
     counts: [usize; 4],
 }
@@ -117,7 +117,7 @@ impl EachArgs {
         }
         let mut left = Vec::new();
         for model in models {
-            match lines.done.get(model) {
+            match lines.done.get(&*model.to_string_lossy()) {
                 Some((code, known)) if *known == key(&reads(model), options) => {
                     lines.counts[class(*code)] += 1;
                 }
@@ -165,13 +165,14 @@ impl Lines {
         }
         let mut options = File::options();
         let mut file = options.read(true).append(true).create(true).open(path)?;
-        let mut text = String::new();
-        file.read_to_string(&mut text)?;
-        // The last line may have been cut.
-        let (whole, rest) = text.split_at(text.rfind('\n').map_or(0, |at| at + 1));
-        let lines = whole.lines().map(serde_json::from_str::<Line>);
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes)?;
+        // The last line may have been cut, also within a character.
+        let whole = bytes.iter().rposition(|&byte| byte == b'\n');
+        let (whole, rest) = bytes.split_at(whole.map_or(0, |at| at + 1));
+        let lines = serde_json::Deserializer::from_slice(whole).into_iter::<Line>();
         let lines = lines.collect::<Result<Vec<Line>, _>>().ok();
-        let lines = lines.filter(|_| rest.is_empty() || rest.starts_with('{'));
+        let lines = lines.filter(|_| rest.is_empty() || rest.starts_with(b"{"));
         let lines = lines.ok_or_else(|| {
             usage!("the file has lines that --each did not write, so --resume does not change it")
         })?;
@@ -190,7 +191,7 @@ impl Lines {
             Some(file) => file.write_all(format!("{json}\n").as_bytes())?,
             None => output::json(&json),
         }
-        let file = line.file.display();
+        let file = &line.file;
         match (&line.error, &line.verdict) {
             (Some(why), _) => tracing::error!("{file}: {why}"),
             (_, verdict) => tracing::info!("{file}: {}", verdict.as_deref().unwrap_or_default()),
@@ -207,7 +208,7 @@ fn verified(model: &Path, threads: usize, key: String) -> Line {
     let warnings = errors.lines().map(str::trim);
     let warnings = warnings.filter_map(|line| line.strip_prefix("WARN "));
     let mut line = Line {
-        file: model.to_owned(),
+        file: model.to_string_lossy().into_owned(),
         code,
         seconds: start.elapsed().as_secs_f64(),
         warnings: warnings.map(str::to_owned).collect(),
@@ -287,5 +288,16 @@ mod tests {
                 false => assert_eq!(left, text),
             }
         }
+    }
+
+    /// Regression test: such a file was refused.
+    #[test]
+    fn resume_drops_a_line_that_was_cut_within_a_character() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out");
+        let line = serde_json::to_string(&Line::default()).unwrap() + "\n";
+        std::fs::write(&path, [line.as_bytes(), b"{\"file\":\"g\xc3"].concat()).unwrap();
+        Lines::default().open(&path, true).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), line);
     }
 }
