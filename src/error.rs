@@ -122,7 +122,7 @@ pub enum Error {
     #[error("{0}")]
     Braid(String),
     /// A curve has too few control points for its basis.
-    #[error("curve {curve}: {points} control points, but a {kind} curve needs {needed}")]
+    #[error("curve {curve}: {points} control points, but {needed} are needed ({kind})")]
     CurveTooShort {
         /// Curve, from 0.
         curve: usize,

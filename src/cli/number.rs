@@ -64,7 +64,7 @@ pub fn bytes(text: &str) -> Result<u64, String> {
 pub fn seconds(text: &str) -> Result<Duration, String> {
     let parsed = text.parse().map(Duration::try_from_secs_f64).ok();
     let time = parsed.and_then(Result::ok);
-    time.ok_or_else(|| "expected seconds, a finite number of at least 0".into())
+    time.ok_or_else(|| "expected seconds, a finite number of at least 0, and below 1.8e19".into())
 }
 
 /// Parses a share: `0.05` or `5%`.

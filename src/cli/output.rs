@@ -26,10 +26,13 @@ pub fn init(quiet: bool, verbose: bool) {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| {
         EnvFilter::new(format!("warn,re_log_encoding=error,linkwatch={level}"))
     });
+    let is_set = |key| std::env::var_os(key).is_some_and(|value| !value.is_empty());
+    let is_plain =
+        is_set("NO_COLOR") || std::env::var_os("TERM").is_some_and(|term| term == "dumb");
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(|| Log)
-        .with_ansi(stream::is_terminal())
+        .with_ansi(stream::is_terminal() && !is_plain)
         .without_time()
         .with_target(false)
         .init();

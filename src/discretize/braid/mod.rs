@@ -108,7 +108,7 @@ impl End {
 
 /// Content of a file of braids.
 #[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "an object with a list `braids`")]
 struct Content {
     braids: Vec<Braid>,
 }

@@ -261,7 +261,8 @@ class Run:
     @property
     def verdict(self) -> str:
         """``"intact"``, ``"changed"``, or ``"incomplete"``: something is undecided, was rejected or
-        not read. The exit codes 0, 1 and 3 of ``linkwatch check`` have the same meaning.
+        not read. The exit codes 0, 1 and 3 of ``linkwatch check`` have the same meaning, except
+        that the command returns 0 if all violations were rolled back later.
         """
         if any(row["verdict"] == "changed" for row in self.frames):
             return "changed"
