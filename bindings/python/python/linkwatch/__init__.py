@@ -732,8 +732,8 @@ def pull_throughs(
 ) -> list[PullThrough]:
     """Finds every passage of a curve through another one, or through itself, between two frames.
 
-    Points move on straight lines at constant speed. In a cell, a curve that moved by about a lattice
-    vector is moved back first.
+    Points move on straight lines at constant speed. In a cell, a curve that moved by about a
+    lattice vector is moved back first.
 
     >>> import linkwatch
     >>> ring = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
