@@ -214,7 +214,7 @@ impl Iterator for Sequence {
             if file.is_some_and(|file| std::mem::take(&mut file.after_gap)) {
                 frame.after_gap = true;
                 let kind = ["gap between files of a run", "gaps between files of a run"];
-                let gap = LeftOut::new(1, kind, &path.display().to_string());
+                let gap = LeftOut::new(1, kind, path.display().to_string());
                 LeftOut::merge(&mut frame.info.left_out, &[gap]);
             }
         }

@@ -1,4 +1,4 @@
-//! Ends a long run properly on the first SIGINT or SIGTERM.
+//! Ends a long run properly on the first SIGINT, SIGTERM or SIGHUP.
 
 use linkwatch::Result;
 use std::sync::Arc;
@@ -8,18 +8,35 @@ use std::time::Duration;
 /// Interval at which the signal flag is checked.
 pub const TICK: Duration = Duration::from_millis(200);
 
-/// Returns a flag that the first SIGINT or SIGTERM sets. The second one ends the process at once.
+/// Returns a flag that the first of these signals sets. The second one ends the process at once.
 pub fn stop_on_signals() -> Result<Arc<AtomicBool>> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
+    for signal in [SIGINT, SIGTERM].into_iter().chain(hangup()) {
         signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop))?;
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
     Ok(stop)
 }
 
-/// Cancels the verification on the first SIGINT or SIGTERM, from a thread that runs as long as the
+/// Returns the signal of a terminal that was closed, unless it is ignored, as under `nohup`.
+#[cfg(target_os = "linux")]
+fn hangup() -> Option<i32> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let ignored = status
+        .lines()
+        .find_map(|line| line.strip_prefix("SigIgn:"))?;
+    let ignored = u64::from_str_radix(ignored.trim(), 16).ok()?;
+    let hangup = signal_hook::consts::SIGHUP;
+    (ignored >> (hangup - 1) & 1 == 0).then_some(hangup)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn hangup() -> Option<i32> {
+    None
+}
+
+/// Cancels the verification on the first of these signals, from a thread that runs as long as the
 /// process.
 pub fn cancel_on_signals(progress: Arc<linkwatch::Progress>) -> Result<()> {
     use std::sync::atomic::Ordering;

@@ -125,34 +125,44 @@ fn a_killed_simulator_ends_the_watch_with_a_message_and_does_not_affect_the_next
     assert_eq!(watch.end().code, Some(0));
 }
 
-/// Runs a watch over five intact frames, and ends it by SIGTERM.
-fn end_by_signal(folder: &TempDir, service: &str, args: &[&str]) -> Ended {
+/// Runs a watch over five intact frames, and ends it by a signal.
+fn end_by_signal(signal: &str, folder: &TempDir, service: &str, args: &[&str]) -> Ended {
     let watch = Watch::start(folder.path(), "watch", service, args);
     let mut sim = client(service);
     assert!(sim.wait_for_watcher(PATIENCE).unwrap());
     for frame in 0..5 {
         assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
     }
-    watch.signal("TERM");
+    watch.signal(signal);
     let ended = watch.end();
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     ended
 }
 
+/// Returns true if this process was started by `nohup`.
+fn ignores_hangups() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    u64::from_str_radix(ignored.unwrap().trim(), 16).unwrap() & 1 == 1
+}
+
 #[test]
 fn a_signal_ends_the_watch_properly() {
     let folder = TempDir::new().unwrap();
-    let recording = folder.path().join("run.mcap");
-    let record = ["--record", recording.to_str().unwrap()];
-    let ended = end_by_signal(&folder, &service("signal"), &record);
-    assert_eq!(ended.summary()["verified"], 5);
-    let replayed = replay(&recording);
-    assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
-    assert!(
-        !replayed.stderr.contains("truncated"),
-        "{}",
-        replayed.stderr
-    );
+    for signal in ["TERM", "HUP"] {
+        if signal == "HUP" && ignores_hangups() {
+            eprintln!("SIGHUP was not tested: this process ignores it, and so does the watch");
+            continue;
+        }
+        let recording = folder.path().join(format!("{signal}.mcap"));
+        let record = ["--record", recording.to_str().unwrap()];
+        let ended = end_by_signal(signal, &folder, &service(signal), &record);
+        assert_eq!(ended.summary()["verified"], 5);
+        let replayed = replay(&recording);
+        assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
+        let said = replayed.stderr;
+        assert!(!said.contains("truncated"), "{said}");
+    }
 }
 
 /// The watcher says goodbye on the signal, so that a simulator in lockstep does not wait for it.
@@ -273,7 +283,7 @@ fn a_watch_without_a_simulator_ends_after_the_time_limit() {
 #[test]
 fn a_watcher_reports_times_and_ends_on_a_signal() {
     let folder = TempDir::new().unwrap();
-    let ended = end_by_signal(&folder, &service("times"), &[]);
+    let ended = end_by_signal("TERM", &folder, &service("times"), &[]);
     // The first frame has no interval before it.
     let times: Vec<_> = ended.lines[..5].iter().map(|l| &l["times_ms"]).collect();
     assert!(times[0].get("wait").is_none(), "{}", times[0]);

@@ -18,7 +18,7 @@ use std::time::Duration;
 
 /// Watch a live simulation: verify its frames and ask it to stop if its topology breaks
 ///
-/// Ends when the simulator does, on Ctrl-C or on SIGTERM. The exit code is that of the worst
+/// Ends when the simulator does, on Ctrl-C, SIGTERM or SIGHUP. The exit code is that of the worst
 /// session.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -32,7 +32,7 @@ pub struct Args {
     wait: Option<Duration>,
     /// Wait for the next simulator when one ends
     ///
-    /// Until Ctrl-C or SIGTERM. Each simulator is a session of its own: with its own baseline,
+    /// Until Ctrl-C, SIGTERM or SIGHUP. Each simulator is a session of its own: with its own baseline,
     /// summary, and numbered output files (`run.mcap`, `run-2.mcap`, ..). --wait limits the wait
     /// for the first simulator only
     #[arg(long, help_heading = super::WATCH)]
