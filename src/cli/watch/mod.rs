@@ -32,9 +32,9 @@ pub struct Args {
     wait: Option<Duration>,
     /// Wait for the next simulator when one ends
     ///
-    /// Until Ctrl-C, SIGTERM or SIGHUP. Each simulator is a session of its own: with its own baseline,
-    /// summary, and numbered output files (`run.mcap`, `run-2.mcap`, ..). --wait limits the wait
-    /// for the first simulator only
+    /// Until Ctrl-C, SIGTERM or SIGHUP. Each simulator is a session of its own: with its own
+    /// baseline, summary, and numbered output files (`run.mcap`, `run-2.mcap`, ..). --wait limits
+    /// the wait for the first simulator only
     #[arg(long, help_heading = super::WATCH)]
     keep_watching: bool,
     /// Continue a watch that was killed, from this file
