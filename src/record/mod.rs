@@ -20,8 +20,8 @@ pub use crate::formats::container::Ending;
 pub(crate) use missing::MissingFrames;
 pub use reader::{RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
 #[cfg(feature = "cli")]
-#[cfg(feature = "cli")]
 pub(crate) use retention::PART;
+#[cfg(feature = "cli")]
 pub use retention::with_suffix;
 pub use retention::{RecordingOptions, Retention};
 pub use writer::RecordingSink;

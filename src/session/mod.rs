@@ -219,6 +219,8 @@ impl Session {
                 verified.offload = self.engine.offload();
             }
             Err(why) => {
+                // The next verified frame is cut or accepted in place of this one.
+                verified.continuation = Continuation::Continues;
                 let why = self.reason_to_reject(why)?;
                 verified.report = self.engine.reject(seq, time, &why);
             }

@@ -392,18 +392,14 @@ impl Sink for ViewerSink {
         self.note_first(seq, record)
     }
 
-    /// Waits for a viewer: what it has not accepted is lost if it ends.
+    /// Waits for the viewer or the disk: what was not accepted is lost if either fails.
     fn flush(&mut self) -> Result<()> {
-        let flushed = match self.is_file {
-            true => self.rec.flush_async(),
-            false => self.rec.flush_with_timeout(FLUSH_LIMIT),
-        };
+        let flushed = self.rec.flush_with_timeout(FLUSH_LIMIT);
         flushed.map_err(|e| self.incomplete(e))
     }
 
     fn finish(mut self: Box<Self>) -> Result<()> {
         self.open_at_first()?;
-        let flushed = self.rec.flush_with_timeout(FLUSH_LIMIT);
-        flushed.map_err(|e| self.incomplete(e))
+        self.flush()
     }
 }

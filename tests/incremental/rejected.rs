@@ -3,8 +3,8 @@
 
 use super::support::random::Random;
 use linkwatch::{
-    Basis, Braid, Braids, Cell, ClearanceOptions, CurveLabels, CurveSet, Events, FrameInfo, Point,
-    Positions, RawFrame, Report, Session, SessionOptions, Strategy, Verdict,
+    Basis, Braid, Braids, Cell, ClearanceOptions, Continuation, CurveLabels, CurveSet, Events,
+    FrameInfo, Point, Positions, RawFrame, Report, Session, SessionOptions, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -407,4 +407,44 @@ fn very_many_rejected_frames_leave_no_trace() {
         given.map_or(default, |n| n.parse().unwrap())
     };
     sequences(all("FROM", 1000)..all("TO", 101_000));
+}
+
+/// Regression test: a rejected frame that the simulator had accepted ended the violation before it.
+#[test]
+fn the_frame_after_a_rejected_one_is_the_accepted_one() {
+    let mut session = Session::new(SessionOptions::default()).unwrap();
+    let square = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.];
+    let mut bad = square;
+    bad[0] = f64::NAN;
+    let mut verify = |seq, baseline, xyz: &[f64]| {
+        let info = FrameInfo {
+            baseline,
+            ..FrameInfo::at(seq, 0.0)
+        };
+        let frame = RawFrame {
+            basis: Basis::Polyline,
+            counts: &[-4],
+            positions: Positions::F64(xyz),
+        };
+        let received = session.receive(info, |copy| copy(frame));
+        let verified = session.verify(received).unwrap();
+        (verified.report.verdict, verified.continuation)
+    };
+    let expected = [
+        (
+            verify(0, 0, &square),
+            (Verdict::Intact, Continuation::Continues),
+        ),
+        (
+            verify(1, 1, &bad),
+            (Verdict::Rejected, Continuation::Continues),
+        ),
+        (
+            verify(2, 1, &square),
+            (Verdict::Intact, Continuation::Accepted),
+        ),
+    ];
+    for (found, expected) in expected {
+        assert_eq!(found, expected);
+    }
 }
