@@ -5,6 +5,7 @@ use super::cell_args::{CellArgs, Cells};
 use super::files::{Content, Files, Overwrite, with_suffix, write_whole};
 use super::input::{self, FormatArgs};
 use super::output::{self, count, plural};
+use super::recorded;
 use super::run::MOTION_LIMIT;
 use super::sequence::{Frame, Sequence};
 use linkwatch::formats::{Format, FrameWriter, ModelFrame};
@@ -61,6 +62,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     files.writes("OUT", [&args.output], content)?;
     let options = args.format.options(&args.cell_args);
     let mut cells = Cells::new(args.cell_args);
+    let part = match &inputs[..] {
+        [one] => recorded::part(one),
+        _ => None,
+    };
     let frames = Sequence::new(inputs, options, args.one_motion);
     let mut frames = frames.filter_map(|frame| match frame {
         Ok(frame) if frame.begins_run => Some(Err(usage!(
@@ -85,6 +90,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut converter = Converter {
         target,
         chords: args.chords,
+        part,
         ..Converter::default()
     };
     if numbered {
@@ -140,6 +146,8 @@ struct Converter {
     target: Option<Format>,
     /// Chords per segment of a spline, if they are given.
     chords: Option<u32>,
+    /// Number of the input among the files of a recorded run.
+    part: Option<u32>,
     certifier: Certifier,
     frames: u64,
     invalid: Vec<Invalid>,
@@ -293,6 +301,7 @@ impl Converter {
                 "invalid_frames": self.invalid,
                 "left_out": self.left_out,
                 "lost_cells": self.lost_cells,
+                "part": self.part,
                 "points": after,
                 "points_before": before,
             }));

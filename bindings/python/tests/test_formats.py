@@ -1016,6 +1016,21 @@ def test_cuts_of_files_that_continue_one_another(tmp_path):
             assert linkwatch.check(path).verdict == ("changed" if code else "intact"), cuts
 
 
+def test_a_recorded_run_that_lacks_a_file_is_incomplete(tmp_path):
+    # Regression test: it was intact, and the step over the gap was searched.
+    scene = ("generate", "chainmail:rows=12,columns=12", "--frames", "30,diameter=0.2")
+    assert run(*scene, "-o", tmp_path / "run.npz")[0] == 0
+    record = f"{tmp_path / 'run.mcap'},max=1MB"
+    assert run("check", tmp_path / "run.npz", "--events", "--record", record)[0] == 0
+    first, second, third = (tmp_path / f"run{k}.mcap" for k in ("", "-part2", "-part3"))
+    frames = linkwatch.read(first, second, third, one_motion=True)
+    assert linkwatch.check(frames, events="off").verdict == "intact"
+    frames = linkwatch.read(first, third, one_motion=True)
+    assert len({frame.cuts for frame in frames}) == 2
+    found = linkwatch.check(frames, events="off")
+    assert found.verdict == "incomplete" and "before run-part3.mcap" in found.summary
+
+
 def test_a_part_of_a_motion_keeps_its_cuts(tmp_path):
     # Regression test: cuts that are the same in all frames of a file were not written.
     frames = [io.Frame(POINTS + [k, 0, 0], [-12, -12], seq=k, cuts=1) for k in range(2)]

@@ -89,6 +89,8 @@ class Summary:
     rejected: list[str] = field(default_factory=list)
     #: Unit of the times of the frames, if the file states it.
     time_unit: str = ""
+    #: Number of the file among those of a recorded run.
+    part: int | None = None
 
     def __str__(self) -> str:
         curves = "1 curve" if self.curves == 1 else f"{self.curves} curves"

@@ -51,6 +51,12 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
 
 def _chained(parts: list[Frames]) -> Frames:
     """Returns the frames of files that continue one another, and so do their numbers and cuts."""
+    numbers = [part.summary.part or 0 for part in parts]
+    steps = zip(numbers, numbers[1:])
+    follows = [True, *(last == 0 or part in (0, 1, last + 1) for last, part in steps)]
+    for part, is_next in zip(parts, follows):
+        if not is_next:
+            part.summary.left_out.append(f"files of the run before {part.path.name}")
     summary = parts[0].summary
     for said in ("left_out", "notes"):
         every = [one for part in parts for one in getattr(part.summary, said)]
@@ -58,13 +64,14 @@ def _chained(parts: list[Frames]) -> Frames:
 
     def load() -> Iterator[Frame]:
         last, cuts, cuts_in_file = -1, 0, 0
-        for part in parts:
+        for part, is_next in zip(parts, follows):
             shift = 0
             for k, frame in enumerate(part):
                 shift = max(0, last + 1 - frame.seq) if k == 0 else shift
                 last = frame.seq + shift
                 # A file either counts on from the one before it, or from 0.
-                cuts += frame.cuts > cuts_in_file if k == 0 else frame.cuts != cuts_in_file
+                is_cut = frame.cuts > cuts_in_file if k == 0 else frame.cuts != cuts_in_file
+                cuts += is_cut or k == 0 and not is_next
                 cuts_in_file = frame.cuts
                 yield dataclasses.replace(frame, seq=last, cuts=cuts)
 
@@ -88,6 +95,7 @@ def _converted(words: list[str], paths: Sequence[Path]) -> Frames:
         result = json.loads(ended.stdout.splitlines()[-1])
         frames = _opened(archive, paths[0], result["invalid_frames"])
     summary = frames.summary
+    summary.part = result["part"]
     summary.left_out += [
         f"{found['count']} {found['kind']} (the first one: {found['first']})"
         for found in result["left_out"]
