@@ -230,7 +230,8 @@ impl Strands<'_> {
         let sample = self.measure_by(&sample, limit, false);
         let closest = sample.iter().filter_map(|m| m.closest);
         let closest = closest.map(|c| (c.ratio + c.error) * (1.0 + 1e-9));
-        let limit = closest.fold(limit, f64::min);
+        // Also those that touch.
+        let limit = closest.fold(limit, f64::min).max(1e-9);
         let mut all = self.measure_by(pairs, limit, false);
         if self.set.basis().is_polyline() {
             return all;
