@@ -382,11 +382,8 @@ impl Sidecar {
             return Some(frame);
         }
         if self.awaits_baseline() {
-            let since = self
-                .session
-                .as_mut()?
-                .waits
-                .get_or_insert_with(Instant::now);
+            let session = self.session.as_mut()?;
+            let since = session.waits.get_or_insert_with(Instant::now);
             if since.elapsed() < BASELINE_LIMIT {
                 return None;
             }

@@ -241,14 +241,12 @@ impl Known {
                 (a.basis(), a.precision()) == (b.basis(), b.precision())
             };
             if !same_kind(before, set) {
-                self.unknown_step = Some(
-                    "pull-throughs: the basis or the precision is not that of the previous frame"
-                        .into(),
-                );
+                let what = "pull-throughs: the basis or the precision is not that of the previous \
+                            frame";
+                self.unknown_step = Some(what.into());
                 return None;
             }
-            let unknown = self.unknown_step.take();
-            self.unknown_step = unknown.or_else(|| change.words_of_closed());
+            self.unknown_step = change.words_of_closed();
             let same_size = |&(i, origin): &(u32, u32)| {
                 let (a, b) = (before.curve(origin as usize), set.curve(i as usize));
                 (a.points, a.closed) == (b.points, b.closed)

@@ -18,7 +18,7 @@ impl Closings {
         Closings {
             keep_open,
             known: None,
-            new: Closing::new(keep_open),
+            new: Closing::default(),
         }
     }
 
@@ -51,14 +51,9 @@ impl Closings {
 
     /// Tells the result of a frame. Returns the decisions that it made.
     pub fn end_frame(&mut self, layout: u32, verified: bool) -> Vec<ClosingNote> {
-        if let Some(known) = self.known(layout) {
-            known.end_frame(verified);
-            return known.take_notes();
-        }
-        let mut new = std::mem::replace(&mut self.new, Closing::new(self.keep_open));
+        let mut new = std::mem::take(&mut self.new);
         let notes = new.take_notes();
-        new.end_frame(verified);
-        if verified {
+        if verified && self.known(layout).is_none() {
             self.known = Some((layout, new));
         }
         notes

@@ -364,7 +364,10 @@ impl Session {
     /// the last verified frame.
     fn curves_that_stay_open(&self, info: &FrameInfo, set: &CurveSet) -> Vec<bool> {
         let last = self.last().zip(self.coordinates.last.as_ref());
-        let Some((last, (before, _))) = last.filter(|(last, _)| last.layout != info.layout) else {
+        let may_stay = |(last, (before, _)): &(&FrameInfo, &(Arc<CurveSet>, _))| {
+            last.layout != info.layout && before.open_curves() > 0
+        };
+        let Some((last, (before, _))) = last.filter(may_stay) else {
             return Vec::new();
         };
         let change = CurveChange::by_name(&last.labels, &info.labels);

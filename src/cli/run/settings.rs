@@ -83,9 +83,7 @@ impl Judge {
         judge.clearance_args = self.clearance_args.or_recorded(metadata);
         judge.braid_args = judge.braid_args.or_recorded(metadata)?;
         // The curves of a recorded run were closed before they were recorded.
-        judge.cell_args.keep_open |= [KEEP_OPEN, "events"]
-            .iter()
-            .any(|&key| metadata.contains_key(key));
+        judge.cell_args.keep_open |= metadata.contains_key("events");
         let wrapped = &mut judge.cell_args.wrapped;
         *wrapped = wrapped.or(recorded(metadata, WRAPPED));
         Ok(judge)

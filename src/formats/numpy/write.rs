@@ -235,7 +235,7 @@ impl FrameSink for NpzFile {
         let radii = flat(labels.radii.iter().map(|r| r.to_le_bytes()));
         let times = flat((self.times.iter().filter(|_| timed)).map(|t| t.to_le_bytes()));
         let seq = flat((self.seq.iter().filter(|_| numbered)).map(|n| n.to_le_bytes()));
-        // Of a file that continues another one, also if they are all the same.
+        // Also numbers that are all the same, because the file may continue another one.
         let is_cut = self.cuts.iter().any(|cuts| *cuts != 0);
         let cuts = flat((self.cuts.iter().filter(|_| is_cut)).map(|n| n.to_le_bytes()));
         let cell = flat(rows.flatten().map(f64::to_le_bytes));

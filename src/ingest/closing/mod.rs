@@ -111,7 +111,6 @@ impl Closing {
     pub(crate) fn decided(keep_open: bool, decisions: Decisions) -> Closing {
         Closing {
             known: decisions,
-            accepted: true,
             ..Closing::new(keep_open)
         }
     }
@@ -299,6 +298,10 @@ impl Closing {
             let metric = if source.wrapped { &nearest } else { &plain };
             let at = &frame.positions;
             let stays_open = self.stay_open.get(i).is_some_and(|&open| open);
+            if stays_open && (count > 0 || source.closed_by_default) {
+                self.known.push(Known::Open);
+                continue;
+            }
             self.known.push(if count < 0 {
                 let factor = layout.closing_factor(at, &nearest);
                 let is_long = |factor: f64| factor > ClosingNote::FACTOR;
@@ -308,9 +311,7 @@ impl Closing {
                     false => layout.closing_factor(at, &plain),
                 };
                 let apart = factor.max(own);
-                if stays_open && source.closed_by_default {
-                    Known::Open
-                } else if is_long(factor) && source.closed_by_default {
+                if is_long(factor) && source.closed_by_default {
                     note(ClosingKind::Opened, i, factor);
                     Known::Open
                 } else {
@@ -325,7 +326,7 @@ impl Closing {
                         None => Known::Closed,
                     }
                 }
-            } else if self.keep_open || stays_open {
+            } else if self.keep_open {
                 Known::Open
             } else {
                 match layout.ends(at, metric) {

@@ -230,7 +230,7 @@ impl Strands<'_> {
         let sample = self.measure_by(&sample, limit, false);
         let closest = sample.iter().filter_map(|m| m.closest);
         let closest = closest.map(|c| (c.ratio + c.error) * (1.0 + 1e-9));
-        // Also those that touch.
+        // Strands at the limit are not found, so a limit of 0 would miss those that touch.
         let limit = closest.fold(limit, f64::min).max(1e-9);
         let mut all = self.measure_by(pairs, limit, false);
         if self.set.basis().is_polyline() {
