@@ -404,8 +404,8 @@ impl<R: Read + Seek> Container<R> {
             let more = (self.length - end).saturating_sub(MAGIC.len() as u64);
             if opcode == op::FOOTER && more > 0 {
                 let what = format!(
-                    "{more} bytes after the end of the recording: files that were joined are read \
-                     one by one"
+                    "{more} bytes after the end of the recording: if files were joined, give each \
+                     of them alone"
                 );
                 let end = end + MAGIC.len() as u64;
                 return Err(invalid(&format!("byte {end}"), what));
