@@ -7,7 +7,10 @@ use std::io::{self, Write};
 use std::sync::Arc;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
-use tracing_subscriber::EnvFilter;
+use tracing::Level;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// Time limit at the end of the run for results that nobody reads.
 const FINISH: Duration = Duration::from_secs(5);
@@ -18,23 +21,31 @@ const INTERVAL: Duration = Duration::from_millis(700);
 /// Sends log messages to stderr. `RUST_LOG` overrides the level.
 pub fn init(quiet: bool, verbose: bool) {
     let level = match (quiet, verbose) {
-        (true, _) => "warn",
-        (_, true) => "debug",
-        _ => "info",
+        (true, _) => Level::WARN,
+        (_, true) => Level::DEBUG,
+        _ => Level::INFO,
     };
     // `re_log_encoding` warns of files without an index, which linkwatch writes on purpose.
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| {
-        EnvFilter::new(format!("warn,re_log_encoding=error,linkwatch={level}"))
+    let levels = std::env::var("RUST_LOG")
+        .ok()
+        .and_then(|levels| levels.parse::<Targets>().ok());
+    let levels = levels.unwrap_or_else(|| {
+        let others = Targets::new().with_default(Level::WARN);
+        others
+            .with_target("re_log_encoding", Level::ERROR)
+            .with_target("linkwatch", level)
     });
     let is_set = |key| std::env::var_os(key).is_some_and(|value| !value.is_empty());
     let is_plain =
         is_set("NO_COLOR") || std::env::var_os("TERM").is_some_and(|term| term == "dumb");
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let lines = tracing_subscriber::fmt::layer()
         .with_writer(|| Log)
         .with_ansi(stream::is_terminal() && !is_plain)
         .without_time()
-        .with_target(false)
+        .with_target(false);
+    tracing_subscriber::registry()
+        .with(levels)
+        .with(lines)
         .init();
 }
 
