@@ -116,7 +116,7 @@ impl Certificate {
             kind: DefectKind::NoBaseline,
             ..*d
         }));
-        defects.sort_by_key(|d| (d.i, d.j));
+        Defect::sort(&mut defects);
         let known = |i: u32, j: u32| !is_undefined(&defects, i, Some(j));
         let [before, now] = [baseline, self].map(|c| c.links.iter().map(Link::entry));
         let mut changes = Differences::between(before, now).changes;

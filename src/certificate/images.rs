@@ -113,7 +113,7 @@ impl Certificate {
         }
         let curves = self.undefined.iter().filter(|d| d.j.is_none());
         out.undefined.extend(curves);
-        out.undefined.sort_by_key(|d| (d.i, d.j, d.image));
+        Defect::sort(&mut out.undefined);
         out.images = Some(images);
         out
     }
@@ -180,7 +180,7 @@ impl Certificate {
             kind: DefectKind::NoBaseline,
             ..*d
         }));
-        defects.sort_by_key(|d| (d.i, d.j, d.image));
+        Defect::sort(&mut defects);
         Ok(Comparison {
             changes,
             defects,

@@ -216,7 +216,7 @@ impl Certificate {
     fn sort(&mut self) {
         self.links.sort_by_key(|l| (l.i, l.j));
         self.links.dedup_by_key(|l| (l.i, l.j));
-        self.undefined.sort_by_key(|d| (d.i, d.j, d.image));
+        Defect::sort(&mut self.undefined);
         self.undefined.dedup_by_key(|d| (d.i, d.j, d.image));
     }
 }

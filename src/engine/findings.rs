@@ -126,7 +126,7 @@ impl Engine {
         let unaccounted = self.unaccounted_passages(known, frame, &outcome)?;
         motion.defects.extend(unaccounted);
         let defects = &mut motion.defects;
-        defects.sort_by_key(|d| (d.i, d.j));
+        Defect::sort(defects);
         let unaccounted = defects.iter().any(|d| d.kind == DefectKind::Unaccounted);
         if !unaccounted {
             motion.safe_fraction = self.steps.safe_fraction(known, frame, &outcome)?;

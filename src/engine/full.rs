@@ -10,7 +10,7 @@ use crate::kernels::crossings::{Input, Workspaces, linking_numbers};
 use crate::kernels::sums::interval::noise::linking_number as noisy_linking_number;
 use crate::kernels::{Accuracy, Counted, GpuUse, Linking, Method};
 use crate::pairs::{LinkSearch, Pair, Trees, curves_of, degenerate_curves, most_suspect_first};
-use crate::verdict::{Link, Stats};
+use crate::verdict::{Defect, Link, Stats};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -177,7 +177,7 @@ impl FullRun {
         self.certificate.links.extend(all.links);
         self.certificate.undefined.extend(all.undefined);
         let undefined = &mut self.certificate.undefined;
-        undefined.sort_unstable_by_key(|d| (d.i, d.j));
+        Defect::sort(undefined);
         stats
     }
 
@@ -334,7 +334,7 @@ fn gather(parts: &[Counted], certificate: &mut Certificate, stats: &mut Stats) {
         stats.add(&part.stats);
     }
     // The keys are distinct.
-    certificate.undefined.sort_unstable_by_key(|d| (d.i, d.j));
+    Defect::sort(&mut certificate.undefined);
 }
 
 /// Returns the sizes of a frame.

@@ -82,7 +82,7 @@ impl Engine {
                 ));
             }
         }
-        defects.sort_by_key(|d| (d.i, d.j));
+        Defect::sort(defects);
         changes
     }
 

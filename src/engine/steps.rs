@@ -129,7 +129,7 @@ impl Steps {
             !known.touch_from_the_start(index(d.i), d.j.map(index))
         });
         step.undecided.extend(began);
-        step.undecided.sort_by_key(|d| (d.i, d.j));
+        Defect::sort(&mut step.undecided);
         step.undecided.dedup_by_key(|d| (d.i, d.j));
         let mut outcome = step.with_curves(curves);
         let (contacts, mut touching) = self.ledger.first_frame(set, coverage);
@@ -284,7 +284,7 @@ impl Steps {
             defects.push(Defect::of_pair(pair, DefectKind::Unaccounted, place(pair)?));
         }
         // The sort is stable: earlier defects of a pair stay first.
-        defects.sort_by_key(|d| (d.i, d.j));
+        Defect::sort(defects);
         defects.dedup_by(|next, first| {
             // A contact in this frame does not decide what happened since the previous frame.
             let other = first.kind == DefectKind::Contact && next.kind == DefectKind::UndecidedStep;

@@ -336,7 +336,7 @@ impl Recorded<schema::Baseline> for BaselineRecord {
                 None => undefined.push(undefined_entry(i, Some(j), image)),
             }
         }
-        undefined.sort_by_key(|d| (d.i, d.j, d.image));
+        Defect::sort(&mut undefined);
         let bad = |d: &&Defect| {
             let j = d.j.unwrap_or(d.i);
             let of_one = d.j.is_some() && (d.i > j || d.i == j && is_home(&d.image));

@@ -146,7 +146,7 @@ impl BraidScene {
             self.rename([i, j], None);
         }
         report.changes.sort_by_key(|c| (c.i, c.j));
-        report.defects.sort_by_key(|d| (d.i, d.j));
+        Defect::sort(&mut report.defects);
         report.adopted.sort_by_key(|l| (l.i, l.j));
         loops.sort_by_key(|pair| pair.curves);
         report.loops = loops;

@@ -147,6 +147,12 @@ impl Defect {
         }
     }
 
+    /// Sorts defects by their curves and their image. The order of others remains.
+    #[cfg(feature = "verify")]
+    pub(crate) fn sort(defects: &mut [Defect]) {
+        defects.sort_by_key(|d| (d.i, d.j, d.image));
+    }
+
     /// Returns the two curves, the second one translated, or `None` for a single curve.
     #[cfg(feature = "verify")]
     pub(crate) fn pair(&self) -> Option<ImagePair> {

@@ -81,7 +81,7 @@ use crate::cancel::{Cancel, PairLimit};
 use crate::curve::CurveSet;
 use crate::pairs::{LinkSearch, Pair, PairFilter, curves_of};
 use crate::pool;
-use crate::verdict::PullThrough;
+use crate::verdict::{Defect, PullThrough};
 use rayon::prelude::*;
 
 #[cfg(doc)]
@@ -182,7 +182,7 @@ impl Ledger {
         contacts.follow(&found.contacts, frames, outcome);
         sort_by_time(&mut outcome.events);
         sort_by_time(&mut outcome.unresolved);
-        outcome.undecided.sort_by_key(|d| (d.i, d.j));
+        Defect::sort(&mut outcome.undecided);
         found.outcome
     }
 

@@ -355,7 +355,7 @@ impl CellScene {
             }
         }
         out.links.sort_unstable();
-        out.undefined.sort_by_key(|d| (d.i, d.j));
+        Defect::sort(&mut out.undefined);
         out
     }
 
