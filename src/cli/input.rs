@@ -104,11 +104,18 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
             files.push(argument.clone());
         }
     }
-    if !keep_order && order::sort(&mut files) {
-        let [first, last] = [0, files.len() - 1].map(|k| files[k].display());
+    if !keep_order && (order::sort(&mut files) || order::is_unclear(&files)) {
+        let shown: Vec<String> = files
+            .iter()
+            .map(|file| file.display().to_string())
+            .collect();
+        let shown = match &shown[..] {
+            [first, second, third, .., last] => format!("{first}, {second}, {third} .. {last}"),
+            all => all.join(", "),
+        };
         tracing::warn!(
-            "models are sorted by the numbers in their names: {first} .. {last} (--keep-order \
-             keeps the given order)"
+            "models are sorted by the numbers in their names: {shown} (--keep-order keeps the \
+             given order)"
         );
     }
     Ok(files)

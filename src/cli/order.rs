@@ -1,5 +1,6 @@
 //! Order of model files: a shell sorts `F1 F10 F2`, but the frames of a motion are `F1 F2 F10`.
 
+use std::collections::HashSet;
 use std::path::PathBuf;
 
 /// Part of a name: text, or a decimal number. Numbers come first, ordered by value.
@@ -11,8 +12,9 @@ enum Part<'a> {
     Text(&'a str),
 }
 
-/// Splits a name into texts and numbers.
-fn parts(name: &str) -> Vec<Part<'_>> {
+/// Splits a name into texts and numbers. Digits after a point are decimals, or a number of their
+/// own.
+fn parts(name: &str, decimals: bool) -> Vec<Part<'_>> {
     let digits = |s: &str| s.len() - s.trim_start_matches(|c: char| c.is_ascii_digit()).len();
     let mut parts = Vec::new();
     let mut rest = name;
@@ -25,7 +27,8 @@ fn parts(name: &str) -> Vec<Part<'_>> {
             rest = after;
             continue;
         }
-        let fraction = after.strip_prefix('.').map_or("", |f| &f[..digits(f)]);
+        let fraction = after.strip_prefix('.').filter(|_| decimals);
+        let fraction = fraction.map_or("", |f| &f[..digits(f)]);
         let whole = whole.trim_start_matches('0');
         parts.push(Part::Number(whole.len(), whole, fraction));
         rest = match fraction {
@@ -38,9 +41,35 @@ fn parts(name: &str) -> Vec<Part<'_>> {
 
 /// Returns the sort key of a path: its folders one by one, and the name of the file before its
 /// extension, so that `out.obj` comes before `out1.obj`.
-fn key(path: &str) -> Vec<Vec<Part<'_>>> {
+fn key(path: &str, decimals: bool) -> Vec<Vec<Part<'_>>> {
     let names = path.split(['/', '\\']).flat_map(name_and_extension);
-    names.map(parts).collect()
+    names.map(|name| parts(name, decimals)).collect()
+}
+
+/// Returns true unless digits after a point are numbers of their own: those that count to `run2.10`
+/// have a zero at their end, which decimals have only if all are as long.
+fn are_decimals(names: &[String]) -> bool {
+    let fractions = |name: &String| -> Vec<String> {
+        let file = name.rsplit(['/', '\\']).next().unwrap_or(name);
+        let parts = parts(file, true).into_iter();
+        let fraction = |part| match part {
+            Part::Number(_, _, digits) if !digits.is_empty() => Some(digits.to_owned()),
+            _ => None,
+        };
+        parts.filter_map(fraction).collect()
+    };
+    let of_files: Vec<Vec<String>> = names.iter().map(fractions).collect();
+    let most = of_files.iter().map(Vec::len).max().unwrap_or(0);
+    !(0..most).any(|k| {
+        let mut same_place = of_files.iter().filter_map(|file| file.get(k));
+        let differ = same_place
+            .clone()
+            .map(String::len)
+            .collect::<HashSet<_>>()
+            .len()
+            > 1;
+        differ && same_place.any(|digits| digits.len() > 1 && digits.ends_with('0'))
+    })
 }
 
 /// Splits a name before its extension, which does not begin with a digit: `t0.25` has none.
@@ -59,7 +88,7 @@ fn same_texts(a: &str, b: &str) -> bool {
         Part::Text(text) => Some(text),
         Part::Number(..) => None,
     };
-    let texts = |name| parts(name).into_iter().map(text);
+    let texts = |name| parts(name, true).into_iter().map(text);
     texts(a).eq(texts(b))
 }
 
@@ -73,11 +102,11 @@ fn letters(name: &str) -> String {
 /// names differ in more than numbers, and the order is not the alphabetical one of a shell, with or
 /// without punctuation. Returns true if the order changed.
 pub fn sort(files: &mut [PathBuf]) -> bool {
-    let name = |file: &PathBuf| file.to_string_lossy().into_owned();
-    let names: Vec<String> = files.iter().map(name).collect();
+    let names = names(files);
     let numbered = names.array_windows().all(|[a, b]| same_texts(a, b));
     let of_shell = names.is_sorted() || names.is_sorted_by_key(|name| letters(name));
-    if !(numbered || of_shell) || names.is_sorted_by_key(|name| key(name)) {
+    let decimals = are_decimals(&names);
+    if !(numbered || of_shell) || names.is_sorted_by_key(|name| key(name, decimals)) {
         return false;
     }
     sort_by_number(files);
@@ -86,7 +115,24 @@ pub fn sort(files: &mut [PathBuf]) -> bool {
 
 /// Sorts files by the numbers in their names, also if somebody chose another order.
 pub fn sort_by_number(files: &mut [PathBuf]) {
-    files.sort_by(|a, b| key(&a.to_string_lossy()).cmp(&key(&b.to_string_lossy())));
+    let decimals = are_decimals(&names(files));
+    files.sort_by(|a, b| {
+        let [a, b] = [a, b].map(|file| file.to_string_lossy());
+        key(&a, decimals).cmp(&key(&b, decimals))
+    });
+}
+
+/// Returns true if the files would have another order if digits after a point were read in the
+/// other way: `run1.5` comes before `run1.15`, or `0.15` before `0.5`.
+pub fn is_unclear(files: &[PathBuf]) -> bool {
+    let names = names(files);
+    let [one, other] = [true, false].map(|way| names.is_sorted_by_key(|name| key(name, way)));
+    one != other
+}
+
+fn names(files: &[PathBuf]) -> Vec<String> {
+    let name = |file: &PathBuf| file.to_string_lossy().into_owned();
+    files.iter().map(name).collect()
 }
 
 #[cfg(test)]
@@ -128,6 +174,38 @@ mod tests {
             }
             assert!(!sorted(expected).1);
         }
+    }
+
+    #[test]
+    fn digits_after_a_point_may_be_a_number() {
+        for names in [
+            ["knit2.1.obj", "knit2.9.obj", "knit2.10.obj", "knit2.24.obj"],
+            [
+                "dump.run1.0",
+                "dump.run1.100",
+                "dump.run1.200",
+                "dump.run1.1000",
+            ],
+            ["v1.10/t0.25", "v1.10/t0.5", "v1.10/t1.0", "v1.10/t1.125"],
+            [
+                "run2.10_t0.125",
+                "run2.10_t0.5",
+                "run2.10_t1.25",
+                "run2.10_t2.5",
+            ],
+        ] {
+            let mut shell = names.to_vec();
+            shell.sort();
+            assert_eq!(sorted(&shell).0, names);
+            assert_eq!(sorted(&names), (names.map(String::from).to_vec(), false));
+        }
+        let unclear = |names: &[&str]| {
+            let files: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
+            is_unclear(&files)
+        };
+        assert!(unclear(&["run1.15", "run1.25", "run1.5"]));
+        assert!(!unclear(&["t0.25", "t0.50", "t1.00"]));
+        assert!(!unclear(&["F1.obj", "F2.obj", "F10.obj"]));
     }
 
     #[test]
