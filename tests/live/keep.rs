@@ -143,6 +143,11 @@ fn a_thinned_recording_has_all_verdicts_and_the_frames_around_violations() {
     let says = "6 equal to the recorded ones; 24 not compared: their curves were left out on \
                 purpose (recorded with every 10)";
     assert!(words.contains(says), "{words}");
+    assert!(!words.contains("not verified"), "{words}");
+    // The recorded run did not search the steps between frames that were left out.
+    let (_, words) = printed(&["replay", recording.to_str().unwrap(), "--events=all"]);
+    let says = "not verified: pull-throughs in 3 gaps of the recording";
+    assert!(words.contains(says), "{words}");
 }
 
 #[test]

@@ -256,6 +256,9 @@ impl Replay<'_> {
         while let Some(next) = self.waiting.pop_front() {
             match next {
                 Waiting::Frame(frame) => {
+                    // The recorded run searched the steps to this frame, with its own options.
+                    let is_gap = self.restarted && !self.comparison.differing.is_empty();
+                    self.run.sum.gaps += u64::from(is_gap);
                     let judged = self.run.judge(*frame)?;
                     self.last = Some(Arc::clone(&judged.report));
                     self.run.publish(judged);
