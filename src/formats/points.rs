@@ -57,6 +57,9 @@ const OTHERS: &str = "\
     arclength curvature diameter fx fy fz i id index length mass n nx ny nz point r radius s \
     species temperature torsion tx ty tz type vertex vx vy vz w weight width";
 
+/// Those of them that number the points, besides the index of pandas, which has no name.
+const NUMBERS: &str = "i id index n point vertex";
+
 /// Names of coordinates, of any system.
 const COORDINATES: &str = "phi r rho theta x y z";
 
@@ -115,8 +118,8 @@ pub(super) fn is_table(path: &Path) -> bool {
 /// A line of a file.
 #[derive(Debug, PartialEq)]
 enum Line {
-    /// A point, and its value in the column that groups the points into curves.
-    Point(Point, Option<Vec<u8>>),
+    /// A point, and its values in the columns that group the points into curves, and number them.
+    Point(Point, [Option<Vec<u8>>; 2]),
     Count(u64),
     /// The curve ends. True if the line is neither empty nor a comment.
     Break {
@@ -131,6 +134,7 @@ struct Columns {
     /// Columns of x, y and z.
     at: [usize; 3],
     group: Option<usize>,
+    number: Option<usize>,
 }
 
 /// Columns of a file without a header.
@@ -138,6 +142,7 @@ const PLAIN: Columns = Columns {
     all: 3,
     at: [0, 1, 2],
     group: None,
+    number: None,
 };
 
 /// Returns a line with spaces in place of no-break spaces, in UTF-8 or Latin-1.
@@ -240,8 +245,11 @@ impl Columns {
             ));
         }
         let [x, y, z] = self.at.map(|column| number(fields[column]));
-        let group = self.group.map(|column| fields[column].to_vec());
-        Ok(Line::Point([x?, y?, z?], group))
+        let value = |column: Option<usize>| column.map(|column| fields[column].to_vec());
+        Ok(Line::Point(
+            [x?, y?, z?],
+            [self.group, self.number].map(value),
+        ))
     }
 
     /// Returns true if a line without numbers names all columns, and none of x, y and z.
@@ -269,14 +277,15 @@ impl Columns {
         let Some(at) = known else {
             return Ok(None);
         };
-        let mut group = None;
+        let (mut group, mut number) = (None, None);
         for (k, name) in names.iter().enumerate() {
             match name.as_str() {
                 _ if at.contains(&k) => {}
                 _ if is_in(GROUPS, name) && group.is_none() => group = Some(k),
+                // The index of pandas has no name.
+                "" | "unnamed: 0" if k == 0 => number = Some(k),
+                _ if is_in(NUMBERS, name) => number = Some(k),
                 _ if is_in(OTHERS, name) => {}
-                // The index of pandas.
-                "" | "unnamed: 0" if k == 0 => {}
                 _ => {
                     return Err(format!(
                         "a column {}, which may say which points belong together: name it curve \
@@ -287,7 +296,12 @@ impl Columns {
             }
         }
         let all = names.len();
-        Ok(Some(Columns { all, at, group }))
+        Ok(Some(Columns {
+            all,
+            at,
+            group,
+            number,
+        }))
     }
 }
 
@@ -303,12 +317,15 @@ struct Curves {
     groups: HashSet<Vec<u8>>,
     /// Values of that column, in the order of the curves.
     names: Vec<String>,
+    /// First and last value of the current curve in a column that numbers the points.
+    numbers: [Vec<u8>; 2],
     /// First line of the frame that is no point, although the frame has its number of lines.
     bad: Option<Error>,
 }
 
 impl Curves {
-    fn push(&mut self, point: Point, group: Option<Vec<u8>>) -> Result<(), String> {
+    fn push(&mut self, point: Point, values: [Option<Vec<u8>>; 2]) -> Result<(), String> {
+        let [group, number] = values;
         if group != self.group || self.sizes.is_empty() {
             if let Some(group) = &group {
                 if !self.groups.insert(group.clone()) {
@@ -325,11 +342,41 @@ impl Curves {
             self.begins = true;
             self.group = group;
         }
-        if std::mem::replace(&mut self.begins, false) {
+        let begins = std::mem::replace(&mut self.begins, false);
+        if begins {
             self.sizes.push(0);
+        }
+        if let Some(number) = number {
+            self.check_number(number, begins, point)?;
         }
         *self.sizes.last_mut().expect("a curve was begun") += 1;
         self.points.push(point);
+        Ok(())
+    }
+
+    /// Checks the value of a point in a column that numbers points: it differs from those before.
+    ///
+    /// # Errors
+    ///
+    /// The column numbers curves, or begins again for each of them.
+    fn check_number(&mut self, number: Vec<u8>, begins: bool, point: Point) -> Result<(), String> {
+        let [first, last] = &mut self.numbers;
+        if begins {
+            first.clone_from(&number);
+        } else {
+            let start = self.points.len() - self.sizes.last().copied().unwrap_or(0);
+            // The first point may be repeated at the end.
+            let again = number == *first && self.points[start] != point;
+            if number == *last || again {
+                let number = quote(&number);
+                return Err(format!(
+                    "{number} again in a column that numbers points: name the column curve if it \
+                     says which points belong together; if it begins again with each curve, add a \
+                     column curve, or an empty line between curves"
+                ));
+            }
+        }
+        *last = number;
         Ok(())
     }
 
@@ -422,12 +469,14 @@ impl<R: BufRead> Points<R> {
                     self.check_complete(&curves, count)?;
                     return Ok(Some(curves));
                 }
-                Line::Point(point, group) => {
+                Line::Point(point, [group, number]) => {
                     if let Some(n) = count.filter(|&n| n == curves.points.len() as u64) {
                         let what = format!("a point after the {n} of its frame");
                         return Err(self.lines.bad(what));
                     }
-                    let pushed = curves.push(point, group);
+                    // The caller divides the points himself.
+                    let number = number.filter(|_| self.options.counts.is_none());
+                    let pushed = curves.push(point, [group, number]);
                     pushed.map_err(|what| self.lines.bad(what))?;
                 }
             }

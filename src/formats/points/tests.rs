@@ -51,6 +51,37 @@ fn empty_lines_comments_and_labels_separate_curves() {
 }
 
 #[test]
+fn a_column_that_numbers_points_cannot_number_curves() {
+    for (text, number, counts) in [
+        (
+            "id,x,y,z\n1,1,0,0\n1,2,0,0\n2,3,0,0\n2,4,0,0\n",
+            "1",
+            [2, 2],
+        ),
+        (
+            "x y z index\n1 0 0 7\n2 0 0 8\n3 0 0 7\n4 0 0 8\n",
+            "7",
+            [2, 2],
+        ),
+        (
+            ",x,y,z\n0,1,0,0\n1,2,0,0\n\n0,3,0,0\n1,4,0,0\n0,5,0,0\n",
+            "0",
+            [2, 3],
+        ),
+    ] {
+        let e = shape(text, Some(true)).unwrap_err().to_string();
+        assert!(e.contains(&format!("'{number}' again in a column")), "{e}");
+        let given = frames(text, None, Some(&counts)).unwrap();
+        assert!(given.iter().all(|frame| frame.curves.is_ok()), "{text}");
+    }
+    let closed = "id,x,y,z\n1,1,0,0\n2,2,0,0\n3,3,0,0\n1,1,0,0\n";
+    assert_eq!(
+        shape(closed, Some(true)).unwrap(),
+        [(true, vec![1.0, 2.0, 3.0])]
+    );
+}
+
+#[test]
 fn counts_begin_the_frames_of_a_motion() {
     let text = "3\n1 0 0\n2 0 0\n3 0 0\n3\n4 0 0\n5 0 0\n6 0 0\n";
     let found = frames(text, Some(true), None).unwrap();
