@@ -75,7 +75,8 @@ fn advice_on(folder: &Path) -> String {
 }
 
 impl Format {
-    /// Returns the format of a file by its name, or by its content if the name is not known.
+    /// Returns the format of a file by its name, or by its content if the name is not known, or that
+    /// of a file of LAMMPS.
     ///
     /// # Errors
     ///
@@ -89,9 +90,14 @@ impl Format {
         if is_usd(path) {
             return Err(needs_python(path));
         }
-        Format::named(path)
+        let named = Format::named(path);
+        // Such names may be those of other files: `data.csv`.
+        let lammps = [Some(Format::LammpsData), Some(Format::LammpsDump)].contains(&named);
+        named
+            .filter(|_| !lammps)
             .or_else(|| Format::of_content(path))
             .or_else(|| points::is_table(path).then_some(Format::Points))
+            .or(named)
             .ok_or_else(|| Error::UnknownModel { path: path.into() })
     }
 

@@ -252,6 +252,28 @@ fn the_extension_selects_the_format_and_errors_name_the_file() {
 }
 
 #[test]
+fn names_of_lammps_files_may_be_those_of_other_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let points = "1 0 0\n2 0 0\n0 1 0\n";
+    for (name, text, expected) in [
+        ("data.csv", points, Format::Points),
+        (
+            "data.txt",
+            "x,y,z\n1,0,0\n2,0,zero\n3,0,0\n",
+            Format::Points,
+        ),
+        ("dump.dat", points, Format::Points),
+        ("data.melt", "", Format::LammpsData),
+        ("dump.lammps", "ITEM: TIMESTEP\n0\n", Format::LammpsDump),
+        ("melt.dump", "\n12 atoms\n", Format::LammpsData),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        assert_eq!(Format::of(&path).unwrap(), expected, "{name}");
+    }
+}
+
+#[test]
 fn errors_name_the_formats_that_are_written() {
     for (name, expected) in [
         (
