@@ -7,6 +7,7 @@ use super::quiet_bounds::QuietBounds;
 use super::reference::Reference;
 use super::stream::compare;
 use super::work::{Route, Work};
+use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{Bad, Cell, CurveSet, Frame, Positions, Received};
 use crate::error::Result;
@@ -48,7 +49,7 @@ pub(crate) struct Monitor {
     filter: Option<PairFilter>,
     reference: Option<Reference>,
     /// Thread that builds a reference frame.
-    build: Option<JoinHandle<Option<Reference>>>,
+    build: Option<Build>,
     /// Number of the current frame.
     frame: u64,
     /// First frame that may become a reference, and current back-off in frames.
@@ -64,6 +65,24 @@ pub(crate) struct Monitor {
     /// Surveys of the frames that were received last and are not verified yet, oldest first, each
     /// with the frame number of its reference.
     received: VecDeque<(u64, Survey)>,
+}
+
+/// A thread that builds a reference frame. It ends soon if this is dropped, because nobody needs
+/// the frame any more.
+#[derive(Debug)]
+struct Build {
+    thread: JoinHandle<Option<Reference>>,
+    _needed: Needed,
+}
+
+/// Cancels a build when it is dropped.
+#[derive(Debug, Default)]
+struct Needed(Cancel);
+
+impl Drop for Needed {
+    fn drop(&mut self) {
+        self.0.set();
+    }
 }
 
 /// Result of comparing the points of a frame with the reference frame.
@@ -294,17 +313,24 @@ impl Monitor {
         }
         let frame = self.frame;
         let (coverage, filter) = (self.coverage, self.filter.clone());
+        let needed = Needed::default();
+        let cancel = needed.0.clone();
         let build = move || {
             // A separate pool of one thread, because the pool of the stream works on the next
             // frames.
             let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
             let filter = filter.as_ref();
-            let reference = || Reference::build(&subject, certificate, frame, coverage, filter);
+            let reference =
+                || Reference::build(&subject, certificate, frame, coverage, filter, &cancel);
             pool.ok()?.install(reference)
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());
         // Without a thread there is no reference, and every frame is computed in full.
-        self.build = thread.spawn(build).ok();
+        let thread = thread.spawn(build).ok();
+        self.build = thread.map(|thread| Build {
+            thread,
+            _needed: needed,
+        });
         let backoff = (2 * self.backoff).max(BACKOFF * self.build_frames);
         self.backoff = match self.pays {
             true => 1,
@@ -325,7 +351,7 @@ impl Monitor {
 
     /// Waits until a reference frame that is being built is complete.
     pub fn wait_for_reference(&mut self) {
-        while self.build.as_ref().is_some_and(|m| !m.is_finished()) {
+        while self.build.as_ref().is_some_and(|m| !m.thread.is_finished()) {
             std::thread::sleep(std::time::Duration::from_micros(200));
         }
     }
@@ -342,9 +368,9 @@ impl Monitor {
 
     /// Takes a completed reference frame of the same curves.
     fn take_built(&mut self, set: &CurveSet, baseline: &Certificate) -> Option<Reference> {
-        let build = self.build.take_if(|m| m.is_finished())?;
+        let build = self.build.take_if(|m| m.thread.is_finished())?;
         // The panic hook has already reported a panic of the thread.
-        let Some(mut reference) = build.join().ok()? else {
+        let Some(mut reference) = build.thread.join().ok()? else {
             // Too many segments are near one another, and probably still will be for a while. The
             // build began when `next_reference` was set.
             let took = self.frame + self.backoff - self.next_reference;

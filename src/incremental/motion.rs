@@ -355,6 +355,7 @@ fn bounds<T: Real + Into<f64>>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cancel::Cancel;
     use crate::curve::{Basis, Point, Positions};
     use crate::incremental::Coverage;
     use crate::incremental::ledger::Ledger;
@@ -418,8 +419,15 @@ mod tests {
                 set(&both.collect::<Vec<Vec<Point>>>())
             };
             let frames = [moved(&mut r), moved(&mut r)];
-            let reference =
-                Reference::build(&set(&rings).into(), Arc::default(), 0, coverage, None).unwrap();
+            let reference = Reference::build(
+                &set(&rings).into(),
+                Arc::default(),
+                0,
+                coverage,
+                None,
+                &Cancel::default(),
+            )
+            .unwrap();
             let affines = frames
                 .each_ref()
                 .map(|set| Affine::fit(&reference.sample, set.positions()));

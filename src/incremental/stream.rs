@@ -286,6 +286,7 @@ impl<'a, T: Real> Comparison<'a, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cancel::Cancel;
     use crate::curve::{Basis, CurveSet};
     use crate::incremental::Coverage;
     use crate::random::Random;
@@ -322,8 +323,15 @@ mod tests {
             xyz.extend(at.map(|x| scale * x));
         }
         let set = set(&xyz, single);
-        let mut reference =
-            Reference::build(&set.into(), Arc::default(), 0, Coverage::default(), None).unwrap();
+        let mut reference = Reference::build(
+            &set.into(),
+            Arc::default(),
+            0,
+            Coverage::default(),
+            None,
+            &Cancel::default(),
+        )
+        .unwrap();
         let mut allowances = vec![f32::INFINITY; reference.set.points()];
         for i in (0..COUNTS.len()).filter(|&i| reference.set.curve(i).closed) {
             for k in reference.set.points_of(i) {

@@ -4,6 +4,7 @@
 use super::ledger::tests::planted::{Plant, PlantedStep, planted_step};
 use super::reference::Reference;
 use super::{Coverage, Events, Route};
+use crate::cancel::Cancel;
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::engine::{Certifier, Engine, SessionOptions, Strategy};
 use crate::error::Error;
@@ -283,7 +284,15 @@ fn reference_speed() {
                 let (set, certificate) = (set.clone(), certificate.clone());
                 let start = Instant::now();
                 let build = || {
-                    Reference::build(&set.into(), Arc::new(certificate), 0, coverage, None).unwrap()
+                    Reference::build(
+                        &set.into(),
+                        Arc::new(certificate),
+                        0,
+                        coverage,
+                        None,
+                        &Cancel::default(),
+                    )
+                    .unwrap()
                 };
                 allowances = pool.install(build).allowances;
                 times.push(start.elapsed().as_secs_f64() * 1e3);

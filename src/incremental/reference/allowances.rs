@@ -32,6 +32,7 @@
 
 use super::gap::{DEPTH, GOOD, gap, least_component, typical_clearance};
 use super::neighbours::{NearBlocks, Neighbours, near_leaves};
+use crate::cancel::Cancel;
 use crate::certificate::Certificate;
 use crate::curve::vector::{distance, per_axis};
 use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
@@ -85,6 +86,7 @@ pub(super) struct Allowances<'a> {
     most: usize,
     /// Number of those found so far.
     found: AtomicUsize,
+    cancel: &'a Cancel,
 }
 
 impl<'a> Allowances<'a> {
@@ -92,7 +94,7 @@ impl<'a> Allowances<'a> {
         covered: Covered<'a>,
         trees: &'a Trees,
         filter: Option<&'a PairFilter>,
-        most: usize,
+        (most, cancel): (usize, &'a Cancel),
     ) -> Self {
         let unbounded = |_| AtomicU32::new(f32::INFINITY.to_bits());
         Allowances {
@@ -104,6 +106,7 @@ impl<'a> Allowances<'a> {
             blocks: Blocks::new(covered.set),
             most,
             found: AtomicUsize::new(0),
+            cancel,
         }
     }
 
@@ -134,7 +137,7 @@ impl<'a> Allowances<'a> {
     }
 
     /// Returns the allowances of all control points, in order, and the list of neighbours. `None`
-    /// if there are too many of them.
+    /// if there are too many of them, or nobody needs them any more.
     pub fn fill(self, certificate: &Certificate) -> Option<(Vec<f32>, Neighbours)> {
         let curves: Vec<usize> = self.covered.indices().collect();
         let set = self.covered.set;
@@ -176,7 +179,7 @@ impl<'a> Allowances<'a> {
                 dispatch!(simd => Self::keep_apart(&self, simd, curves, within, own));
                 self.add_leaves(curves, range, &mut buffers);
                 self.compact(&mut buffers);
-                if self.is_full() {
+                if self.is_over() {
                     return Vec::new();
                 }
                 near.append(&mut buffers.blocks);
@@ -185,7 +188,7 @@ impl<'a> Allowances<'a> {
             near
         });
         let near: Vec<Vec<NearBlocks>> = near.collect();
-        if self.is_full() {
+        if self.is_over() {
             return None;
         }
         let neighbours = Neighbours::new(self.blocks, &near.concat(), RANGE * self.reach / SHARE);
@@ -195,9 +198,9 @@ impl<'a> Allowances<'a> {
         Some((allowances, neighbours))
     }
 
-    /// Returns true if there are too many near pairs of blocks.
-    fn is_full(&self) -> bool {
-        self.found.load(Ordering::Relaxed) > self.most
+    /// Returns true if there are too many near pairs of blocks, or nobody needs them any more.
+    fn is_over(&self) -> bool {
+        self.found.load(Ordering::Relaxed) > self.most || self.cancel.is_set()
     }
 
     /// Keeps each pair of blocks once, with its smallest gap, and counts the new ones.
@@ -242,7 +245,7 @@ impl<'a> Allowances<'a> {
             self.keep_all_apart(curves, &near.all, &mut buffers.blocks);
             buffers.near.all.clear();
             self.compact_if_large(buffers);
-            if self.is_full() {
+            if self.is_over() {
                 return;
             }
         }
@@ -262,7 +265,7 @@ impl<'a> Allowances<'a> {
                 });
                 self.compact_if_large(buffers);
             }
-            !self.is_full()
+            !self.is_over()
         });
     }
 

@@ -13,6 +13,7 @@ use super::affine::Sample;
 use super::blocks::CHUNK;
 use super::covered::{Coverage, Covered};
 use super::packed::Packed;
+use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{AXES, Cell, CurveSet, Frame, Point, Translated, union};
 use crate::pairs::{PairFilter, Trees};
@@ -63,13 +64,15 @@ impl Reference {
         frame: u64,
         coverage: Coverage,
         filter: Option<&PairFilter>,
+        cancel: &Cancel,
     ) -> Option<Reference> {
-        Reference::build_within(MOST_NEAR, subject, certificate, frame, (coverage, filter))
+        let ends = (MOST_NEAR, cancel);
+        Reference::build_until(ends, subject, certificate, frame, (coverage, filter))
     }
 
     /// [`Reference::build`] with at most this number of near pairs of blocks.
-    fn build_within(
-        most: usize,
+    fn build_until(
+        ends: (usize, &Cancel),
         subject: &Frame,
         certificate: Arc<Certificate>,
         frame: u64,
@@ -81,7 +84,7 @@ impl Reference {
         let covered = Covered::new(&set, coverage);
         trees.refit(covered);
         let sample = Sample::new(&given, coverage.open_curves);
-        let allowances = Allowances::new(covered, &trees, filter, most);
+        let allowances = Allowances::new(covered, &trees, filter, ends);
         let (mut allowances, neighbours) = allowances.fill(&certificate)?;
         if let Some(images) = &images {
             allowances = least_of_images(&allowances, &set, images, &given);

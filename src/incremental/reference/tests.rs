@@ -171,7 +171,7 @@ proptest! {
         // Pairs that are too close to decide remain so.
         let unknown = ledger.first_step(&set, &set, coverage, None).undecided;
         let frame = set.clone().into();
-        let reference = Reference::build(&frame, Arc::new(certificate), 0, coverage, None);
+        let reference = Reference::build(&frame, Arc::new(certificate), 0, coverage, None, &Cancel::default());
         let reference = reference.unwrap();
         prop_assert!(reference.allowances.iter().all(|&a| a >= 0.0));
         let [a, b] = [0, 1].map(|k| moved(&curves, &reference, seeds[k], directions[k]));
@@ -204,7 +204,7 @@ proptest! {
         let certificate = Arc::new(Certifier::default().certify(&set).0.clone());
         let coverage = Coverage { self_crossings: false, open_curves: true };
         let frame = set.clone().into();
-        let reference = Reference::build(&frame, certificate, 0, coverage, None).unwrap();
+        let reference = Reference::build(&frame, certificate, 0, coverage, None, &Cancel::default()).unwrap();
         let m = nalgebra::Matrix3::identity() + nalgebra::Matrix3::from_row_slice(&map);
         let affine = Affine::new(m, shift.into());
         prop_assume!(affine.is_some());
@@ -232,14 +232,14 @@ proptest! {
 
 /// Regression test: the list of near segments of a wound ball grew until the memory was exhausted.
 #[test]
-fn a_reference_frame_with_too_many_near_segments_is_given_up() {
+fn a_reference_frame_with_too_many_near_segments_or_without_need_is_given_up() {
     let scene = "woundball:segments=20000".parse::<crate::scenes::Scene>();
     let scene = scene.unwrap().build().unwrap();
     let certificate = Arc::new(scene.certificate);
-    let build = |most| {
+    let build = |most, cancel: &Cancel| {
         let (set, certificate) = (scene.curves.clone(), Arc::clone(&certificate));
-        Reference::build_within(
-            most,
+        Reference::build_until(
+            (most, cancel),
             &set.into(),
             certificate,
             0,
@@ -247,8 +247,11 @@ fn a_reference_frame_with_too_many_near_segments_is_given_up() {
         )
     };
     // It has some 1,500,000 near pairs of blocks.
-    assert!(build(MOST_NEAR).is_some());
+    let needed = Cancel::default();
+    assert!(build(MOST_NEAR, &needed).is_some());
     for most in [1_000_000, 1000, 0] {
-        assert!(build(most).is_none(), "{most}");
+        assert!(build(most, &needed).is_none(), "{most}");
     }
+    needed.set();
+    assert!(build(MOST_NEAR, &needed).is_none());
 }
