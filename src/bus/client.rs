@@ -355,7 +355,7 @@ impl Client {
             let (port, node) = (sample.header().publisher_id(), sample.header().node_id());
             drop(sample);
             let mut message = wire.read()?;
-            message.names = self.frames.names();
+            message.names = self.frames.names(message.seq);
             let (endpoint, session) = (&self.connection.endpoint, self.frames.session);
             if !(self.watcher).record_sender(endpoint, session, &message, port, node) {
                 continue;

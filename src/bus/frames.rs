@@ -17,6 +17,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy};
 use iceoryx2::sample_mut::SampleMut;
+use std::collections::VecDeque;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::Arc;
 
@@ -74,6 +75,8 @@ pub(super) struct Frames {
     layout: Option<Layout>,
     /// Number of layouts that were declared.
     layouts: u32,
+    /// The names of the last ones, each with the number of its first frame, for messages on frames.
+    names: VecDeque<(u64, Arc<[String]>)>,
     /// Time step of the simulator in seconds; 0 if it is unknown.
     pub time_step: f64,
     /// Periodic cell of the next frames, if the scene is periodic.
@@ -97,9 +100,10 @@ struct Layout {
     table: Vec<u8>,
     names_bytes: u32,
     labels: CurveLabels,
-    /// The names, for the messages of the watcher.
-    names: Arc<[String]>,
 }
+
+/// Maximum number of descriptions whose names are known: more than verdicts wait to be read.
+const NAMED: usize = 256;
 
 impl Frames {
     /// Starts a session. `lockstep` informs the watcher that the simulator waits for each verdict.
@@ -123,10 +127,11 @@ impl Frames {
         self.cuts = self.cuts.wrapping_add(1);
     }
 
-    /// Returns the names of the curves that were declared last; empty if they have none.
-    pub fn names(&self) -> Arc<[String]> {
-        let layout = self.layout.as_ref();
-        layout.map_or_else(Arc::default, |layout| Arc::clone(&layout.names))
+    /// Returns the names of the curves of a frame; empty if they have none, or are too old.
+    pub fn names(&self, seq: u64) -> Arc<[String]> {
+        let mut latest_first = self.names.iter().rev();
+        let found = latest_first.find(|(first, _)| *first <= seq);
+        found.map_or_else(Arc::default, |(_, names)| Arc::clone(names))
     }
 
     /// Returns the publishers, creating them if necessary. The memory of each initially fits as
@@ -249,6 +254,13 @@ impl Client {
                 "a frame of {points} points is larger than the limit of {MAX_BYTES} bytes"
             )));
         }
+        frames.names.pop_back_if(|(first, _)| *first == frames.next);
+        frames
+            .names
+            .push_back((frames.next, labels.names.as_slice().into()));
+        if frames.names.len() > NAMED {
+            frames.names.pop_front();
+        }
         frames.layout = Some(Layout {
             basis,
             precision,
@@ -256,7 +268,6 @@ impl Client {
             curves: counts.len(),
             table,
             names_bytes: names_bytes as u32,
-            names: labels.names.as_slice().into(),
             labels,
         });
         frames.layouts += 1;

@@ -311,6 +311,32 @@ fn findings_of_curves_that_are_described_again_are_new() {
     assert_eq!(first(&mut client, 2, &[(0, 1), (1, 2)]), (0, 1));
 }
 
+/// Regression test: messages had the names of the newest description.
+#[test]
+fn messages_name_the_curves_of_their_frame() {
+    let name = service();
+    let (mut sidecar, mut client) = (sidecar(&name), client(&name));
+    let (mut set, order) = (None, [["a", "b"], ["b", "a"], ["c", "a"], ["a", "b"]]);
+    for (seq, names) in (0..).zip(order) {
+        let labels = CurveLabels::named(names);
+        let (basis, precision) = (Basis::Polyline, Precision::F32);
+        client
+            .describe_labelled(basis, precision, &COUNTS, labels)
+            .unwrap();
+        if seq == 0 {
+            publish(&mut client, seq);
+            new_session(&mut sidecar);
+            continue;
+        }
+        let frame = next_frame(&mut sidecar);
+        answer(&mut sidecar, &frame, &mut set);
+        let message = client.poll().unwrap().expect("a verdict");
+        assert_eq!(message.seq, seq - 1);
+        assert_eq!(message.names[..], order[seq as usize - 1]);
+        publish(&mut client, seq);
+    }
+}
+
 #[test]
 fn a_session_that_ends_early_is_not_clean() {
     let name = service();
