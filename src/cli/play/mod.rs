@@ -94,6 +94,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         source,
         live: Live::default(),
         previous: None,
+        after_gap: false,
         answer: None,
         worst: Outcome::Fine,
         counts: Counts::default(),
@@ -104,6 +105,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     // Described before the wait, so that shared memory is created for frames of this size.
     publisher.describe(&first)?;
     publisher.previous = Some(first.clone());
+    publisher.after_gap = false;
     tracing::info!("waiting for a watcher on service '{service}'");
     if !publisher.wait_for_watcher()? {
         match publisher.is_stopped() {
@@ -148,6 +150,8 @@ struct Publisher<'a> {
     live: Live,
     /// The last frame, whose curves the watcher knows.
     previous: Option<RecordedFrame>,
+    /// True if verified frames between that one and the next one are not in the recording.
+    after_gap: bool,
     /// The last verdict of the watcher.
     answer: Option<VerdictMessage>,
     worst: Outcome,
@@ -209,8 +213,12 @@ impl Publisher<'_> {
                     let is_rejected = report.verdict == Verdict::Rejected;
                     let counts = is_rejected && range.contains(report.seq, report.time);
                     self.counts.rejected += u64::from(counts);
+                    let last = self.previous.as_ref().map(|frame| frame.seq);
+                    self.after_gap |= !is_rejected && last < Some(report.seq);
                 }
-                RecordedItem::Frame(_) | RecordedItem::Baseline(_) => {}
+                // A later baseline marks frames that are not in the recording.
+                RecordedItem::Baseline(_) => self.after_gap = true,
+                RecordedItem::Frame(_) => {}
             }
         }
         Ok(None)
@@ -270,10 +278,11 @@ impl Publisher<'_> {
             self.counts.numbers_between += seq.saturating_sub(before.seq).saturating_sub(1);
             if before.baseline != info.baseline {
                 self.client.accept();
-            } else if before.cuts != info.cuts {
+            } else if before.cuts != info.cuts || self.after_gap {
                 self.client.cut();
             }
         }
+        self.after_gap = false;
         self.client.set_time_step(info.time_step)?;
         self.client.set_cell(self.args.cell.cell(info.cell))?;
         self.client.number_next(seq)?;
