@@ -283,18 +283,22 @@ impl Client {
             (seq, Some(last)) => seq.unwrap_or(last),
         };
         let found = self.waiting(py, seconds, |client, slice| {
+            let asked = Instant::now();
             Ok(match client.wait(seq, slice)? {
                 Outcome::Verdict(message) => Some(Ok(*message)),
-                Outcome::NoWatcher(how) => Some(Err(how)),
+                Outcome::NoWatcher(how) => Some(Err(how.to_string())),
+                Outcome::Stale if asked.elapsed() < slice => Some(Err(
+                    "the watcher skipped it, or a later one was read before".into(),
+                )),
                 Outcome::Stale => None,
             })
         })?;
         let (message, why) = match found {
             Some(Ok(message)) => (Some(Message(message)), None),
-            Some(Err(how)) => (None, Some(format!("no verdict on frame {seq}: {how}"))),
+            Some(Err(why)) => (None, Some(format!("no verdict on frame {seq}: {why}"))),
             None => {
                 let what = format!("no verdict on frame {seq} within {seconds} seconds");
-                (None, Some(format!("{what}, or the watcher skipped it")))
+                (None, Some(what))
             }
         };
         self.0.with(py, |state| {
