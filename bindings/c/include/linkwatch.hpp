@@ -128,10 +128,11 @@ public:
   void describe(const std::vector<std::int32_t> &counts, const std::vector<std::string> &names,
                 const std::vector<float> &radii = {}, std::optional<Basis> other = std::nullopt) {
     const detail::Labels labels(counts.size(), names, radii);
-    basis = other.value_or(basis);
-    detail::check(lw_describe_labelled(open(), static_cast<std::uint32_t>(basis),
+    const Basis next = other.value_or(basis);
+    detail::check(lw_describe_labelled(open(), static_cast<std::uint32_t>(next),
                                        detail::precision<T>(), counts.data(), counts.size(),
                                        labels.names(), labels.radii));
+    basis = next;
     coordinates = 0;
     for (std::int64_t count : counts)
       coordinates += 3 * static_cast<std::size_t>(count < 0 ? -count : count);
