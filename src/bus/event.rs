@@ -60,6 +60,9 @@ pub struct Frame {
     pub(super) max_bytes: usize,
     /// Error text if the sequence number is impossible.
     pub(super) fault: Option<String>,
+    /// True if the watcher came after the frames between this one and its baseline, which is the
+    /// last frame that was returned.
+    pub(super) after_gap: bool,
 }
 
 impl Frame {
@@ -86,6 +89,12 @@ impl Frame {
     /// one ([`FrameInfo::cuts`]).
     pub fn cuts(&self) -> u32 {
         self.header.cuts
+    }
+
+    /// Returns true if the watcher came when the frames before this one had been published already.
+    /// It got the baseline, and does not know the motion from there to this frame.
+    pub fn after_gap(&self) -> bool {
+        self.after_gap
     }
 
     /// Returns true if the simulator waits for the verdict.

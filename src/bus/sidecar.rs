@@ -132,6 +132,10 @@ struct Session {
     baseline: Option<u64>,
     /// When the newest frame began to wait for its baseline.
     waits: Option<Instant>,
+    /// True if this watcher received something that was sent before the second frame.
+    was_there: bool,
+    /// True if the next frame follows a baseline that was published before this watcher came.
+    is_late: bool,
 }
 
 /// A sequence number and the time at which it was received.
@@ -356,6 +360,7 @@ impl Sidecar {
             sample,
             max_bytes: self.max_frame_bytes,
             fault: None,
+            after_gap: false,
         }))
     }
 
@@ -447,6 +452,7 @@ impl Sidecar {
             }
         }
         let session = self.session.as_mut().expect("set or compared above");
+        session.was_there |= header.seq == 0 && !is_baseline;
         self.alive = Instant::now();
         if is(FLAG_END) {
             // To a watcher that came just now, the simulator sends the baseline after the end.
@@ -536,6 +542,10 @@ impl Sidecar {
                 let _ = self.heartbeat();
             }
             Event::Frame(frame) if frame.fault.is_none() => {
+                let follows = session.last_returned.map(|last| last + 1) == Some(frame.seq());
+                let is_kept = frame.header.flags & FLAG_BASELINE != 0 && session.delivered == 0;
+                frame.after_gap = session.is_late && !follows;
+                session.is_late = is_kept && !session.was_there;
                 session.delivered += 1;
                 session.last_returned = Some(frame.seq());
                 session.skip_to(frame.seq() + 1);

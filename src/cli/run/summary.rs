@@ -65,7 +65,7 @@ pub struct Summary {
     pub left_out: Vec<LeftOut>,
     /// Reason why clearance is not measured, although the user asked for it.
     pub unmeasured: Option<String>,
-    /// Number of gaps in a recording over which no step is searched.
+    /// Number of gaps over which no step is searched: in a recording, or before a watch started.
     pub gaps: u64,
     /// Number of runs that began after the first one.
     pub further_runs: u64,
@@ -182,7 +182,11 @@ impl Run {
             joined(&not_searched, ", ")
         );
         let gaps = plural(sum.gaps, "gap");
-        let gaps = format!("not verified: pull-throughs in {gaps} of the recording");
+        let place = match self.setup.live {
+            true => "before the watch started",
+            false => "of the recording",
+        };
+        let gaps = format!("not verified: pull-throughs in {gaps} {place}");
         let unmeasured = |why| format!("clearance was not measured in all frames: {why}");
         let unverified = [
             some(!checked, not_searched),

@@ -324,6 +324,9 @@ impl Follower<'_> {
                     let before = self.state.note.clone();
                     let (state, cuts) = (sidecar.state(), frame.cuts());
                     self.state.begin_frame(state, (seq, time), cuts)?;
+                    if frame.after_gap() {
+                        run.begin_after_gap();
+                    }
                     let ingested = match frame.info(&mut labels) {
                         Ok(info) => run.session.receive(info, |receive| frame.read(receive)),
                         Err(why) => Received::new(FrameInfo::at(seq, time), Err(why)),
