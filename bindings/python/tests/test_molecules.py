@@ -228,7 +228,7 @@ def test_serial_numbers_of_pdb_that_bonds_need_are_unique(tmp_path):
         # Without CONECT, and beside a topology, they do not count.
         alone = "".join(x for x in found.splitlines(keepends=True) if not x.startswith("CONECT"))
         assert len(list(linkwatch.read(written(tmp_path, "c.pdb", alone), closed=True))) == 2
-        assert len(list(linkwatch.read(tmp_path / "a.pdb", path))) == 2
+        assert len(list(linkwatch.read(tmp_path / "a.pdb", path))) == 4
 
 
 def test_a_direction_of_a_cell_that_does_not_repeat_has_an_edge_of_0(tmp_path):
@@ -319,6 +319,30 @@ def test_trajectories_that_are_numbered_have_the_order_of_their_numbers(tmp_path
     np.testing.assert_allclose(np.diff(x), 0.1, atol=1e-5)
 
 
+def test_frames_of_the_first_file_are_frames_if_later_files_have_its_kind(tmp_path):
+    """Regression test: the file was the topology only, so a link that it has was not missed."""
+    apart = POINTS + np.repeat([[0, 0, 0], [5, 0, 0]], 12, axis=0)
+    paths = [
+        save(universe(points, cell=None), tmp_path / f"F{k}.pdb", bonds="all")
+        for k, points in enumerate((POINTS, apart, apart))
+    ]
+    assert len(linkwatch.read(*paths)) == 3
+    assert linkwatch.check(paths).changes[0]["frame"] == 1
+    # The files are sorted by their numbers, the first one as well.
+    assert run("check", *paths[::-1], "--events=off")[0] == 1
+    frames = linkwatch.read(paths[0], save(universe(frames=2), tmp_path / "a.dcd"))
+    assert len(frames) == 2 and "F0.pdb is the topology" in str(frames.summary)
+    # Files with several frames each may be runs of their own.
+    paths = [save(universe(frames=2), tmp_path / f"{name}.pdb", bonds="all") for name in "ab"]
+    code, out, err = run("check", *paths)
+    assert (code, out) == (2, "") and "2 files have several frames each: check each" in err
+    code, out, err = run("check", *paths, "--one-motion")
+    assert code == 0 and "4 frames verified" in out, (out, err)
+    path = written(tmp_path, "a.xyz", extended_xyz([POINTS], "frame"))
+    with pytest.raises(ValueError, match="a trajectory has no bonds: give its topology before it"):
+        linkwatch.read(path, paths[0])
+
+
 @pytest.mark.parametrize("cells", [0, 1, 3])
 def test_models_that_only_end_separates_are_frames(tmp_path, cells):
     """Regression test: files of VMD were refused."""
@@ -350,7 +374,7 @@ def test_copies_of_files_with_equal_names_are_apart(tmp_path):
         frames = [atoms[:24], atoms[24:48]] if k == 0 else [atoms[24:48], atoms[48:]]
         path.write_text("".join("".join([*frame, "END\n"]) for frame in frames))
     x = [frame.positions[0, 0] for frame in linkwatch.read(top, *paths)]
-    np.testing.assert_allclose(np.diff(x), [0.1, 0, 0.1], atol=1e-2)
+    np.testing.assert_allclose(np.diff(x), [0.1, 0.1, -0.2, 0.1, 0, 0.1], atol=1e-2)
 
 
 @pytest.mark.parametrize("edges", [[40.0, 50, 60], np.diag([40.0, 50, 60])])
@@ -679,7 +703,7 @@ def test_files_that_mdanalysis_cannot_read_are_errors(tmp_path):
         linkwatch.read(top, select="name X")
 
 
-@pytest.mark.parametrize("suffix", ["xtc", "trr", "dcd", "nc", "lammpstrj"])
+@pytest.mark.parametrize("suffix", ["xtc", "trr", "dcd", "nc", "lammpstrj", "xyz"])
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_trajectories_that_are_cut_off_are_errors(tmp_path, suffix):
     made = universe(frames=3)
@@ -695,6 +719,13 @@ def test_trajectories_that_are_cut_off_are_errors(tmp_path, suffix):
         cut.write_bytes(data[: int(share * len(data))])
         with pytest.raises(ValueError, match="cut off|can be read|cannot read"):
             list(linkwatch.read(top, cut))
+        # Regression test: only the end of the first file was read, or that of all together.
+        with pytest.raises(ValueError, match="cut off|can be read|cannot read"):
+            list(linkwatch.read(top, whole, cut))
+    more = tmp_path / f"more.{suffix}"
+    if suffix in ("lammpstrj", "xyz"):
+        more.write_bytes((data.strip() + b"\n") * 5 + b"\n" * (suffix == "xyz"))
+        assert len(list(linkwatch.read(top, whole, more))) == 18
 
 
 def test_a_part_of_a_trajectory_is_read():

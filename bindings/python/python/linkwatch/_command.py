@@ -121,7 +121,8 @@ def _run(args: list[str], only: int | None) -> int:
         else:
             args = [*(arg for arg in args if arg not in files), archive]
         options, others = _options_of_readers(args)
-        if convert([*files, *options, archive], says_parts=False) == 2:
+        are_runs = args[0] == "check" and "--one-motion" not in args
+        if convert([*files, *options, archive], says_parts=False, are_runs=are_runs) == 2:
             return 2
         # Further archives have the frames from which on the curves are others.
         more = len(os.listdir(folder)) - 1
@@ -191,9 +192,10 @@ def _only_the_package_reads(arg: str) -> bool:
         return False
 
 
-def convert(args: list[str], *, says_parts: bool = True) -> int | None:
+def convert(args: list[str], *, says_parts: bool = True, are_runs: bool = False) -> int | None:
     """Converts files that only this package reads to ``.npz``, and returns the exit code.
-    ``says_parts`` says how to check several files that were written.
+    ``says_parts`` says how to check several files that were written. ``are_runs`` refuses files
+    with several frames each, which may be runs of their own.
 
     Returns ``None`` if no argument is such a file: the command itself converts all others.
     """
@@ -230,6 +232,11 @@ def convert(args: list[str], *, says_parts: bool = True) -> int | None:
             select=given.select,
             format=given.format,
         )
+        if are_runs and frames.runs > 1:
+            raise ValueError(
+                f"{frames.runs} files have several frames each: check each of them alone (--each), "
+                "or give --one-motion if they continue one another"
+            )
         written = io.write(frames, given.output, force=given.force)
     except (ImportError, OSError, ValueError) as why:
         print(f"error: {why}", file=sys.stderr)

@@ -126,6 +126,8 @@ class Frames:
         self.summary = summary
         #: Number of frames; ``None`` if the file has to be read to count them.
         self.length = length
+        #: Number of files that have several frames each, and may be runs of their own.
+        self.runs = 0
         #: Reads the frames from one number to another alone, if the format can.
         self.part: Callable[[int, int], Iterator[Frame]] | None = None
         #: Function and arguments that open the same frames again, in another process.

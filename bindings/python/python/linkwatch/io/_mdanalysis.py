@@ -25,9 +25,11 @@ from ._curves import (
 from ._frames import Summary, library
 from ._trajectory import (
     H5MD,
+    PDB,
+    XYZ,
     PassedOver,
     as_mdanalysis_reads,
-    check_ends,
+    check_end,
     check_number_of_frames,
     check_serials,
 )
@@ -39,12 +41,15 @@ if TYPE_CHECKING:
     from ._curves import Array
     from ._frames import Frame, Frames
 
+# Suffixes of topologies without coordinates.
+TOPOLOGIES = (".psf", ".top", ".prmtop", ".parm7", ".tpr", ".itp")
 # Units of the times of files without times.
 COUNTED = ("steps of the simulation", "frames")
 
 
 def read(paths: Sequence[Path], options: Options) -> Frames:
-    """Opens a topology and trajectories; the first file is the topology."""
+    """Opens a topology and trajectories; the first file is the topology. Its coordinates are frames
+    as well if a later file has the same kind."""
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="linkwatch-")))
         frames = _opened(paths, options, folder)
@@ -56,10 +61,17 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
 
 def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
     mda = library("MDAnalysis", "mdanalysis")
-    trajectories, notes = in_order(paths[1:])
-    paths = [paths[0], *trajectories]
+    top, *others = paths
+    has_frames = top not in others and _kind(top) in map(_kind, others)
+    if others and not has_frames and _kind(top) in XYZ:
+        raise ValueError(f"{top}: a trajectory has no bonds: give its topology before it")
+    others, notes = in_order(paths if has_frames else others)
+    if others and not has_frames and top.suffix.lower() not in TOPOLOGIES:
+        notes.append(f"{top} is the topology: its coordinates are no frames")
+    paths = [top, *others]
     # Files of several folders may have the same name.
-    read = [str(as_mdanalysis_reads(one, folder / str(k))) for k, one in enumerate(paths)]
+    copies = {one: folder / str(k) for k, one in enumerate(dict.fromkeys(paths))}
+    read = {one: str(as_mdanalysis_reads(one, copy)) for one, copy in copies.items()}
     # MDAnalysis goes by the suffix, of which H5MD and dumps of LAMMPS have several.
     ways: list[dict[str, Any]] = [{}]
     for path in paths[1:]:
@@ -80,7 +92,7 @@ def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
         warnings.simplefilter("ignore")
         for way in ways:
             try:
-                universe = mda.Universe(*read, to_guess=(), **way)
+                universe = mda.Universe(*map(read.get, paths), to_guess=(), **way)
                 atoms = universe.select_atoms(options.select)
                 trajectory = universe.trajectory
                 break
@@ -91,13 +103,24 @@ def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
                     named = " ".join(map(str, paths))
                     raise ValueError(f"{named}: MDAnalysis cannot read this: {_said(why)}") from why
     known = (hasattr(universe.atoms, name) for name in ("bonds", "names", "types"))
-    if len(paths) == 1 and not any(known):
+    if not any(known):
         raise ValueError(
             f"{paths[0]}: a trajectory alone does not say which atoms form a curve: give its "
             f"topology before it, such as melt.psf {paths[0]}"
         )
-    check_ends(paths[1:] or paths, trajectory)
-    return frames_of_atoms(atoms, options, trajectory, paths[0], notes)
+    readers = getattr(trajectory, "readers", [trajectory])
+    for path, reader in zip(paths[1:] or paths, readers):
+        check_end(path, reader)
+    frames = frames_of_atoms(atoms, options, trajectory, paths[0], notes)
+    if has_frames:
+        frames.runs = sum(len(reader) > 1 for reader in readers)
+    return frames
+
+
+def _kind(path: Path) -> str:
+    """Returns the suffix of files of a kind."""
+    suffix = path.suffix.lower()
+    return "dump" if is_dump(path) else PDB[0] if suffix in PDB else suffix
 
 
 def _said(why: Exception) -> str:

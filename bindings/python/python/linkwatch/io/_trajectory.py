@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 # Suffixes of PDB and of H5MD files.
 PDB = (".pdb", ".ent")
 H5MD = (".h5md", ".h5", ".hdf5")
+# Kinds of trajectories that the command reads itself.
+XYZ = (".xyz", ".extxyz", "dump")
 # First bytes of the frames of an .xtc file.
 XTC = 1995
 # Columns of extended XYZ that are not an element and the position, or say the order; its cell.
@@ -380,46 +382,54 @@ def check_serials(path: Path) -> None:
         )
 
 
-def check_ends(paths: Sequence[Path], trajectory: Any) -> None:
+def check_end(path: Path, trajectory: Any) -> None:
     """Raises an error if the last frame of a trajectory is cut off, which MDAnalysis ignores."""
     atoms, frames = trajectory.n_atoms, len(trajectory)
     offsets = getattr(getattr(trajectory, "_xdr", None), "offsets", [])
-    for path in paths:
-        suffix, whole = path.suffix.lower(), True
-        with open(path, "rb") as file:
-            size = file.seek(0, 2)
+    suffix, whole = path.suffix.lower(), True
+    with open(path, "rb") as file:
+        size = file.seek(0, 2)
 
-            def head(start: int, form: str) -> tuple[int, ...]:
-                """Returns integers from a place on."""
-                file.seek(start)
-                return struct.unpack(form, file.read(struct.calcsize(form)))
+        def head(start: int, form: str) -> tuple[int, ...]:
+            """Returns integers from a place on."""
+            file.seek(start)
+            return struct.unpack(form, file.read(struct.calcsize(form)))
 
-            if suffix == ".dcd" and size > 100:
-                order = "<" if head(0, "<i") == (84,) else ">"
-                (_, *control), (titles,) = head(4, f"{order}21i"), head(96, f"{order}i")
-                # A frame has records of coordinates, and of the cell and a fourth coordinate.
-                record = 4 * atoms + 8
-                frame = 3 * record + (56 * control[10] + record * control[11]) * bool(control[19])
-                # Fixed atoms are in the first frame only.
-                whole = control[8] > 0 or (size - 116 - 80 * titles) % frame == 0
-            elif suffix == ".xtc" and len(offsets) == frames and atoms > 9:
-                at = int(offsets[-1])
-                # Coordinates are padded to a multiple of 4 bytes.
-                magic, length = head(at, ">i84xi") if size >= at + 92 else (XTC, 0)
-                whole = magic != XTC or size == at + 92 + length + -length % 4
-            elif is_dump(path):
-                file.seek(max(0, size - 2 * size // frames))
-                last = file.read().rpartition(b"ITEM: TIMESTEP")[2]
-                whole = last.count(b"\n") + (not last.endswith(b"\n")) >= atoms + 9
-            elif suffix in PDB:
-                file.seek(max(0, size - 1000))
-                line = (file.read().splitlines(keepends=True) or [b"\n"])[-1]
-                whole = line.endswith((b"\n", b"\r")) or _is_whole(line)
-            elif suffix in (".arc", ".txyz"):
-                file.seek(0)
-                whole = _has_whole_frames(file)
-        if not whole:
-            raise ValueError(f"{path}: the last frame is cut off")
+        if suffix == ".dcd" and size > 100:
+            order = "<" if head(0, "<i") == (84,) else ">"
+            (_, *control), (titles,) = head(4, f"{order}21i"), head(96, f"{order}i")
+            # A frame has records of coordinates, and of the cell and a fourth coordinate.
+            record = 4 * atoms + 8
+            frame = 3 * record + (56 * control[10] + record * control[11]) * bool(control[19])
+            # Fixed atoms are in the first frame only.
+            whole = control[8] > 0 or (size - 116 - 80 * titles) % frame == 0
+        elif suffix == ".xtc" and len(offsets) == frames and atoms > 9:
+            at = int(offsets[-1])
+            # Coordinates are padded to a multiple of 4 bytes.
+            magic, length = head(at, ">i84xi") if size >= at + 92 else (XTC, 0)
+            whole = magic != XTC or size == at + 92 + length + -length % 4
+        elif is_dump(path):
+            file.seek(max(0, size - 2 * size // frames))
+            last = file.read().rpartition(b"ITEM: TIMESTEP")[2]
+            whole = last.count(b"\n") + (not last.endswith(b"\n")) >= atoms + 9
+        elif suffix in PDB:
+            file.seek(max(0, size - 1000))
+            line = (file.read().splitlines(keepends=True) or [b"\n"])[-1]
+            whole = line.endswith((b"\n", b"\r")) or _is_whole(line)
+        elif suffix in XYZ:
+            file.seek(0)
+            breaks = sum(chunk.count(b"\n") for chunk in iter(lambda: file.read(1 << 20), b""))
+            file.seek(max(0, size - 1000))
+            last = file.read()
+            # Empty lines may follow the last frame.
+            text = last.rstrip()
+            lines = breaks - last[len(text) :].count(b"\n") + 1
+            whole = lines % (atoms + 2) == 0 and len(text.split(b"\n")[-1].split()) > 3
+        elif suffix in (".arc", ".txyz"):
+            file.seek(0)
+            whole = _has_whole_frames(file)
+    if not whole:
+        raise ValueError(f"{path}: the last frame is cut off")
 
 
 def _is_whole(line: bytes) -> bool:
