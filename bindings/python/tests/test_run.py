@@ -153,6 +153,21 @@ def test_curves_may_come_and_go_by_name():
     assert run.changes[0]["names"] == ["b", "a"]
 
 
+def test_a_frame_of_other_curves_is_rejected_alone():
+    """Regression test: without names, all later frames were rejected, and a change was missed."""
+    frames = [*BROKEN]
+    frames[1] = frames[1][:1]
+    rejected = ["intact", "rejected", "intact", "changed", "changed", "changed"]
+    assert [row["verdict"] for row in linkwatch.check(frames).frames] == rejected
+    published = [Frame(np.concatenate(f), [-4, -4], radii=[0.1, 0.3]) for f in BROKEN]
+    published[1] = replace(published[1], radii=[0.2, 0.2])
+    run = linkwatch.check(published, radius="published")
+    assert [row["verdict"] for row in run.frames] == rejected
+    assert run.frames[1]["rejected"].startswith("other radii than before: give a fixed radius")
+    named = [replace(frame, names=["a", "b"]) for frame in published]
+    assert linkwatch.check(named, radius="published").frames[1]["verdict"] == "intact"
+
+
 def test_options_are_those_of_a_session():
     assert linkwatch.check(BROKEN, events="off").pull_throughs == []
     baseline = linkwatch.certify(linked(5))

@@ -549,7 +549,13 @@ class Checker:
         if frame.basis != self._basis:
             raise ValueError(f"frame {frame.seq} has the basis {frame.basis}, not {self._basis}")
         raw = self.session._session
-        described = frame.counts, frame.names, radii, frame.closed_by_default
+        _, names, of_curves, _ = self._described or (None, frame.names, radii, None)
+        if not frame.names and not names and radii != of_curves:
+            # Curves without names that are described again are other ones.
+            why = "other radii than before: give a fixed radius, or name the curves"
+            frame, radii = frame.invalid(frame.rejected or why), of_curves
+        counts = frame.counts if frame.names else None
+        described = counts, frame.names, radii, frame.closed_by_default
         if described != self._described:
             raw.describe(*described[1:])
             self._described = described
