@@ -66,6 +66,20 @@ def test_the_run_of_many_workers_is_that_of_one(seed):
             assert {**tables(found), "summary": ""} == {**tables(alone), "summary": ""}
 
 
+def test_an_open_curve_after_a_rejected_frame_is_rejected():
+    """Regression test: a chunk that begins with it was an error."""
+    both, nothing = np.concatenate(linked()), np.full((8, 3), np.nan)
+    given = [(nothing, [-4, -4]), (both, [-4, -4]), (both[:4], [4]), (both, [-4, -4])]
+    frames = [Frame(*one, seq=k) for k, one in enumerate(given)]
+    alone = linkwatch.check(frames, events="off")
+    assert [row["verdict"] for row in alone.frames] == ["rejected", "intact"] * 2
+    with ThreadPoolExecutor(2) as client:
+        run = linkwatch.check(frames, events="off", client=client, chunk=1)
+        assert tables(run) == tables(alone)
+        with pytest.raises(ValueError, match="none of 1 curves is closed"):
+            linkwatch.check(frames[2:3] * 2, events="off", client=client, chunk=1)
+
+
 def test_chunks_are_verified_again_only_if_they_have_to(monkeypatch):
     from linkwatch import distributed
 

@@ -197,11 +197,17 @@ def _verify(part: Any, options: dict[str, Any], state: Any, assumed: bool) -> An
     checker = Checker(Run(None, options), state)
     frames = iter(_frames(part))
     before = None
-    if state is not None:
-        first = next(frames)
-        if assumed and checker.step(first, begins_part=True).rejected is None:
-            before = checker.state()[1]
-    checker.verify(frames)
+    try:
+        if state is not None:
+            first = next(frames)
+            if assumed and checker.step(first, begins_part=True).rejected is None:
+                before = checker.state()[1]
+        checker.verify(frames)
+    except ValueError:
+        if not assumed:
+            raise
+        # The chunk is verified again, from the state after the previous one.
+        return checker.run, None, None, None
     return checker.run, before, *checker.state()
 
 
