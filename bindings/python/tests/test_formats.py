@@ -928,6 +928,23 @@ def test_a_check_keeps_curves_open_that_the_reader_keeps_open(tmp_path):
     assert code == 0 and "2 open curves" in out, (out, err)
 
 
+def test_a_check_takes_coordinates_as_they_are_if_the_reader_does(tmp_path):
+    """Regression test: the check moved the curve back that had jumped to another image."""
+    needs("MDAnalysis")
+    cell = "CRYST1   10.000   11.000   12.000  90.00  90.00  90.00 P 1           1\n"
+    paths = []
+    for k, shift in enumerate((0, 10)):
+        atoms = "".join(
+            f"ATOM  {i + 1:5}  C   RNG {'AB'[i // 12]}   1    {x:8.3f}{y:8.3f}{z:8.3f}  1.00  0.00\n"
+            for i, (x, y, z) in enumerate(POINTS + np.repeat([[0, 0, 0], [shift, 0, 0]], 12, axis=0))
+        )
+        bonds = "".join(f"CONECT{a + 1:5}{b + 1:5}\n" for a, b in EDGES)
+        paths.append(written(tmp_path, f"F{k}.pdb", f"{cell}{atoms}{bonds}END\n"))
+    assert run("check", *paths)[0] == 0
+    code, out, err = run("check", *paths, "--wrapped=false")
+    assert code == 1 and "passed through" in out, (out, err)
+
+
 @pytest.mark.parametrize("option", ["closed", "unwrap", "keep_open", "one_motion"])
 def test_flags_of_read_are_true_or_false(tmp_path, option):
     # Regression test: the text "false" was true.

@@ -147,6 +147,8 @@ def _options_of_readers(args: list[str]) -> tuple[list[str], list[str]]:
             options.append(word)
             if word == "--closed=false" and "--keep-open" not in args:
                 others.append("--keep-open")
+            elif word == "--wrapped=false":
+                others.append(word)
         elif word == "--keep-open":
             options.append(word)
             others.append(word)
