@@ -583,6 +583,9 @@ def test_edges_that_share_no_point_are_joined_by_their_places(tmp_path):
         ("coils.a", coils().replace("end\n", ""), "the file ends without a line `end`"),
         ("coils.a", coils().replace(" 0.0 1 lower", " 1.0"), "the file ends before a line with"),
         ("coils.a", coils().replace("1 0 0 100.0", "1 0 O 100.0"), "line 4: expected 4 numbers"),
+        # Regression tests: the first point, and the second block, were missing in silence.
+        ("coils.a", coils().replace("mirror NIL\n", ""), "line 3: a point in the header"),
+        ("coils.a", coils() + coils(), "line 31: text after `end`: keep one block"),
         ("a.poly", poly().replace("END", ""), "the file ends without a line END"),
         (
             "a.poly",
@@ -934,9 +937,10 @@ def test_a_check_takes_coordinates_as_they_are_if_the_reader_does(tmp_path):
     cell = "CRYST1   10.000   11.000   12.000  90.00  90.00  90.00 P 1           1\n"
     paths = []
     for k, shift in enumerate((0, 10)):
+        points = POINTS + np.repeat([[0, 0, 0], [shift, 0, 0]], 12, axis=0)
         atoms = "".join(
-            f"ATOM  {i + 1:5}  C   RNG {'AB'[i // 12]}   1    {x:8.3f}{y:8.3f}{z:8.3f}  1.00  0.00\n"
-            for i, (x, y, z) in enumerate(POINTS + np.repeat([[0, 0, 0], [shift, 0, 0]], 12, axis=0))
+            f"ATOM  {i + 1:5}  C   RNG {'AB'[i // 12]}   1    {x:8.3f}{y:8.3f}{z:8.3f}  1.00\n"
+            for i, (x, y, z) in enumerate(points)
         )
         bonds = "".join(f"CONECT{a + 1:5}{b + 1:5}\n" for a, b in EDGES)
         paths.append(written(tmp_path, f"F{k}.pdb", f"{cell}{atoms}{bonds}END\n"))

@@ -58,14 +58,20 @@ def read_coils(path: Path) -> Scene:
     points: list[list[float]] = []
     ended = False
     for words in lines:
+        if ended:
+            raise lines.error("text after `end`: keep one block of filaments, before one `end`")
         if lines.number <= 3:
             # The last of three lines of a header is `mirror NIL`, or free text.
             if lines.number == 1 and words[0].lower() != "periods":
                 raise lines.error("expected `periods N`, as MAKEGRID has it")
-            continue
+            try:
+                lines.numbers(words, 4)
+            except ValueError:
+                continue
+            raise lines.error("a point in the header, which has three lines: add `mirror NIL`")
         if words[0].lower() == "end":
             ended = True
-            break
+            continue
         x, y, z, current = lines.numbers(words, 4)
         points.append([x, y, z])
         if current == 0:
