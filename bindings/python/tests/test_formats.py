@@ -418,6 +418,24 @@ def test_a_closed_curve_that_was_cut_is_an_invalid_frame(tmp_path):
     assert "the ends of curve 0, which is closed, are apart" in frames[1].rejected
 
 
+def test_only_the_suffix_or_the_contents_of_coils_tell_the_format(tmp_path):
+    """Regression test: a name that begins with `coils.` was that of a MAKEGRID file always."""
+    path = written(tmp_path, "coils.inp", coils())
+    assert linkwatch.read(path).summary.curves == 2
+    for name, content in (("coils.obj", TEXT["a.obj"]), ("coils.vtk", vtk())):
+        assert linkwatch.read(written(tmp_path, name, content)).summary.curves == 2
+    assert run("convert", path, tmp_path / "coils.npz")[0] == 0
+    assert linkwatch.read(tmp_path / "coils.npz").summary.curves == 2
+    # Values of options are no coils.
+    certificate = written(tmp_path, "coils.cert", "")
+    for more in (["--force", "-o", certificate], ["--force", f"-o{certificate}"]):
+        code, out, err = run("certify", path, *more)
+        assert code == 0 and certificate.read_text() == "2 # lines: 1\n0,1,-1\n", (out, err)
+    for file in (path, tmp_path / "coils.npz"):
+        code, out, err = run("check", "--baseline", certificate, file)
+        assert code == 0 and "frame 0: intact" in out, (out, err)
+
+
 def test_open_curves_are_closed_only_on_request(tmp_path):
     path = written(tmp_path, "a.vtk", vtk(lines=[loop[:-1] for loop in LOOPS]))
     assert next(iter(linkwatch.read(path))).counts == [12, 12]

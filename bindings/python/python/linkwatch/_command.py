@@ -21,8 +21,9 @@ FLAGS = {
 SWITCHES = {
     "--",
     *FLAGS,
-    *"--each --early-exit --force --json --keep-open --keep-order --one-motion".split(),
-    *"-q --quiet -v --verbose".split(),
+    *"--axis-first --each --early-exit --events --explain --force --json --keep-open".split(),
+    *"--keep-order --one-motion --open --resume --skip-doubled".split(),
+    *"-h --help -q --quiet -v --verbose".split(),
 }
 
 # Suffixes of files that the command always reads itself: they cost no import of the readers.
@@ -100,7 +101,19 @@ def _named(arg: str) -> str:
 def _is_value(args: list[str], k: int) -> bool:
     """Returns whether an argument may be the value of the option before it."""
     before = args[k - 1]
-    return before.startswith("-") and "=" not in before and before not in SWITCHES
+    # A short option may have its value in the same word.
+    takes = before[:2] == "--" and "=" not in before or before[:1] == "-" and len(before) == 2
+    return takes and before not in SWITCHES and not before[1:].isdecimal()
+
+
+def _inputs(args: list[str]) -> list[str]:
+    """Returns the arguments of a subcommand that are no options and no values of options."""
+    first = 2 if args[0] == "measure" else 1
+    return [
+        args[k]
+        for k in range(first, len(args))
+        if not args[k].startswith("-") and not _is_value(args, k)
+    ]
 
 
 def _run(args: list[str], only: int | None) -> int:
@@ -108,7 +121,7 @@ def _run(args: list[str], only: int | None) -> int:
     if args[:1] == ["convert"]:
         code = convert(args[1:])
         return command(["linkwatch", *args]) if code is None else code
-    files = list(filter(_only_the_package_reads, args[only:][:1] if only else args[1:]))
+    files = list(filter(_only_the_package_reads, [args[only]] if only else _inputs(args)))
     if not files:
         return command(["linkwatch", *args])
     if not only:
@@ -202,7 +215,7 @@ def convert(args: list[str], *, says_parts: bool = True, are_runs: bool = False)
     Returns ``None`` if no argument is such a file: the command itself converts all others.
     """
     chosen = any(arg.startswith("--format") for arg in args)
-    if not chosen and not any(map(_only_the_package_reads, args[:-1])):
+    if not chosen and not any(map(_only_the_package_reads, _inputs(["convert", *args])[:-1])):
         return None
     import argparse
 

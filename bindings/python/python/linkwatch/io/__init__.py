@@ -33,6 +33,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from .. import _arguments as arguments
+from .._command import OWN
 from . import _hair, _mdanalysis, _mesh, _native, _oxdna, _text, _usd
 from ._curves import Options
 from ._frames import Frame, Frames, Summary
@@ -145,9 +146,12 @@ def _head(path: Path) -> bytes:
 
 def format_of(path: Path) -> Format:
     """Returns the format of a file; the last one, that of the command, if it is no other."""
+    found = next((one for one in FORMATS if one.has(path)), FORMATS[-1])
     if path.name.lower().startswith("coils."):
-        return next(one for one in FORMATS if one.name == "makegrid")
-    return next((one for one in FORMATS if one.has(path)), FORMATS[-1])
+        is_unknown = found is FORMATS[-1] and not path.name.lower().endswith(OWN)
+        if is_unknown or re.match(rb"\s*periods\s", _head(path), re.I):
+            return next(one for one in FORMATS if one.name == "makegrid")
+    return found
 
 
 def _format_of_all(paths: Sequence[Path]) -> Format:
