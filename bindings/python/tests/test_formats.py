@@ -905,6 +905,37 @@ def test_names_with_decimal_numbers_are_in_the_order_of_the_command(tmp_path):
     assert "by the numbers in their names, not as they are given" in str(frames.summary)
 
 
+def test_files_keep_their_order_on_request(tmp_path):
+    """Regression test: the command ignored --keep-order for files of the package."""
+    for kind in ("vtk", "obj"):
+        paths = [tmp_path / f"{k}.{kind}" for k in (2, 1)]
+        for k, path in enumerate(paths):
+            line = f"v {k + 1} 0 0\nv 0 1 0\nv 0 0 1\nl 1 2 3 1\n"
+            path.write_text(exploded([RING + [k, 0, 0]]) if kind == "vtk" else line)
+        for keep_order, expected in ((True, [1, 2]), (False, [2, 1])):
+            frames = linkwatch.read(*paths, keep_order=keep_order)
+            assert [round(frame.positions[0, 0], 3) for frame in frames] == expected
+    paths = [written(tmp_path, f"{k}.ply", ply()) for k in (3, 2, 1)]
+    moved = POINTS + np.repeat([[0, 0, 0], [2.5, 0, 0]], 12, axis=0)
+    paths[2].write_bytes(ply().replace(rows(POINTS).encode(), rows(moved).encode()))
+    for more, number in (([], 0), (["--keep-order"], 2)):
+        code, out, err = run("check", *paths, "--events=off", *more)
+        baseline = "came apart: linking number was -1, is 0" in out
+        assert code == 1 and baseline == (number == 2), (out, err)
+
+
+def test_files_of_the_package_are_not_mixed_with_others(tmp_path):
+    """Regression test: the others came first, in whatever order they were given."""
+    path = written(tmp_path, "a.ply", ply())
+    other = written(tmp_path, "a.obj", TEXT["a.obj"])
+    code, out, err = run("check", path, other, "--one-motion", "--keep-order")
+    assert (code, out) == (2, "") and "but the command reads" in err and "a.obj: convert" in err
+    # Regression test: counts joined the two rings, which the file tells apart.
+    for option in ("--counts=-24", "--counts"):
+        code, out, err = run("check", path, path, option, *["-24"] * (option == "--counts"))
+        assert (code, out) == (2, "") and "--counts is no option for" in err, (out, err)
+
+
 @pytest.mark.parametrize(
     "names",
     [["start", "end"], ["run", "md"], ["t_-1", "t_0", "t_1"], ["t1", "u0"], ["b/t1", "a/t1"]],

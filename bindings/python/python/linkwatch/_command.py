@@ -70,8 +70,7 @@ def _main() -> int:
         try:
             plain = io.unpacked(list(map(pathlib.Path, packed)), pathlib.Path(folder))
         except (OSError, ValueError) as why:
-            print(f"error: {why}", file=sys.stderr)
-            return 2
+            return _refuse(str(why))
         for places, path in zip(packed.values(), plain):
             for k in places:
                 # A value may follow its option in the same word.
@@ -106,6 +105,12 @@ def _is_value(args: list[str], k: int) -> bool:
     return takes and before not in SWITCHES and not before[1:].isdecimal()
 
 
+def _refuse(why: str) -> int:
+    """Prints an error, and returns its exit code."""
+    print(f"error: {why}", file=sys.stderr)
+    return 2
+
+
 def _inputs(args: list[str]) -> list[str]:
     """Returns the arguments of a subcommand that are no options and no values of options."""
     first = 2 if args[0] == "measure" else 1
@@ -126,6 +131,15 @@ def _run(args: list[str], only: int | None) -> int:
         return command(["linkwatch", *args])
     if not only:
         files = _read_together(args, files)
+        others = [arg for arg in _inputs(args) if arg not in files]
+        if others:
+            return _refuse(
+                f"only the Python package reads {files[0]}, but the command reads {others[0]}: "
+                "convert all files to .npz first"
+            )
+    for option in ("--bonds", "--counts", "--topic"):
+        if option in args or any(arg.startswith(f"{option}=") for arg in args):
+            return _refuse(f"{option} is no option for {files[0]}, which says its curves itself")
     # By an archive, which the command reads.
     with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
         archive = str(pathlib.Path(folder) / f"{pathlib.Path(files[-1]).stem}.npz")
@@ -140,8 +154,7 @@ def _run(args: list[str], only: int | None) -> int:
         # Further archives have the frames from which on the curves are others.
         more = len(os.listdir(folder)) - 1
         if more and only:
-            print("error: the curves change: check the file without --each", file=sys.stderr)
-            return 2
+            return _refuse("the curves change: check the file without --each")
         if more:
             others += [f"{archive[:-4]}-{k + 2}.npz" for k in range(more)]
             if args[0] == "check":
@@ -162,7 +175,7 @@ def _options_of_readers(args: list[str]) -> tuple[list[str], list[str]]:
                 others.append("--keep-open")
             elif word == "--wrapped=false":
                 others.append(word)
-        elif word == "--keep-open":
+        elif word in ("--keep-open", "--keep-order"):
             options.append(word)
             others.append(word)
         elif name in ("--select", "--format", "--cell"):
@@ -230,6 +243,7 @@ def convert(args: list[str], *, says_parts: bool = True, are_runs: bool = False)
     parser.add_argument("--force", action="store_true", help="overwrite existing files")
     kept = "keep curves open that only end where they start"
     parser.add_argument("--keep-open", action="store_true", help=kept)
+    parser.add_argument("--keep-order", action="store_true", help="keep the order of the files")
     for option, what in FLAGS.items():
         parser.add_argument(option, choices=("true", "false"), help=what)
     parser.add_argument("--cell", help="periodic cell: 10,10,12; or none")
@@ -242,6 +256,7 @@ def convert(args: list[str], *, says_parts: bool = True, are_runs: bool = False)
             *given.input,
             closed=truth[given.closed],
             keep_open=given.keep_open,
+            keep_order=given.keep_order,
             unwrap=truth[given.wrapped],
             cell=given.cell,
             select=given.select,
@@ -254,8 +269,7 @@ def convert(args: list[str], *, says_parts: bool = True, are_runs: bool = False)
             )
         written = io.write(frames, given.output, force=given.force)
     except (ImportError, OSError, ValueError) as why:
-        print(f"error: {why}", file=sys.stderr)
-        return 2
+        return _refuse(str(why))
     summary = frames.summary
     print(f"{', '.join(given.input)}: {summary}", file=sys.stderr)
     if len(written) > 1 and says_parts:

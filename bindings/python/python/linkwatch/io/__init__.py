@@ -180,6 +180,7 @@ def read(
     counts: Any = None,
     topic: str | None = None,
     one_motion: bool = False,
+    keep_order: bool = False,
     format: str | None = None,
 ) -> Frames:
     """Opens files, whose names and contents select the reader. Frames are read one at a time.
@@ -210,6 +211,7 @@ def read(
         topic: topic to read of a MCAP file of another program, if several have curves.
         one_motion: files with several frames each continue one another, in the order that is given:
             ``run.npz`` and ``run-2.npz`` of :func:`write`.
+        keep_order: files keep the order in which they are given, whatever numbers their names have.
         format: name of one of ``FORMATS``, if the names of the files do not say it.
 
     Returns:
@@ -238,6 +240,7 @@ def read(
     unwrap = arguments.flag_or_none("unwrap", unwrap)
     keep_open = arguments.flag("keep_open", keep_open)
     one_motion = arguments.flag("one_motion", one_motion)
+    keep_order = arguments.flag("keep_order", keep_order)
     given = {"closed": closed, "unwrap": unwrap, "cell": cell, "select": select}
     given |= {"counts": counts, "topic": topic, "one_motion": one_motion or None}
     for name, value in given.items():
@@ -246,10 +249,12 @@ def read(
     if keep_open and closed is None and found is not FORMATS[-1]:
         closed = False
     options = Options(closed, unwrap, cell, select or "all", counts, topic, one_motion, keep_open)
+    options.keep_order = keep_order
     frames = found.read(paths, options)
     if folder is not None:
         weakref.finalize(frames, folder.cleanup)
-    given |= {"one_motion": one_motion, "keep_open": keep_open, "format": format}
+    given |= {"one_motion": one_motion, "keep_open": keep_open, "keep_order": keep_order}
+    given["format"] = format
     frames.recipe = read, again, given
     return frames
 

@@ -39,6 +39,7 @@ class Options:
     topic: str | None = None
     one_motion: bool = False
     keep_open: bool = False
+    keep_order: bool = False
 
     def cell_or(self, of_the_file: Array | None) -> Array | None:
         """Returns the cell to use: three vectors and the corner."""
@@ -262,7 +263,7 @@ def frames_of_files(
     paths: Sequence[Path], parse: Callable[[Path], Scene], options: Options
 ) -> Frames:
     """Returns the frames of files of one frame each."""
-    ordered, notes = in_order(paths)
+    ordered, notes = in_order(paths, options)
 
     def scenes() -> Iterator[Scene]:
         for k, path in enumerate(ordered):
@@ -296,10 +297,11 @@ def is_dump(path: Path) -> bool:
         return file.read(5) == b"ITEM:"
 
 
-def in_order(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
+def in_order(paths: Sequence[Path], options: Options) -> tuple[list[Path], list[str]]:
     """Sorts files by the numbers in their names, as the command does, if the names have no other
     differences. Returns a note as well if that changes the order."""
-    if len({re.sub(r"\d+(\.\d+)?", "0", str(path)) for path in paths}) > 1:
+    names = {re.sub(r"\d+(\.\d+)?", "0", str(path)) for path in paths}
+    if options.keep_order or len(names) > 1:
         return [*paths], []
     found = [Path(path) for path in _linkwatch.sorted_by_number(list(paths))]
     said = "files follow one another by the numbers in their names, not as they are given"

@@ -65,7 +65,7 @@ def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
     has_frames = top not in others and _kind(top) in map(_kind, others)
     if others and not has_frames and _kind(top) in XYZ:
         raise ValueError(f"{top}: a trajectory has no bonds: give its topology before it")
-    others, notes = in_order(paths if has_frames else others)
+    others, notes = in_order(paths if has_frames else others, options)
     if others and not has_frames and top.suffix.lower() not in TOPOLOGIES:
         notes.append(f"{top} is the topology: its coordinates are no frames")
     paths = [top, *others]

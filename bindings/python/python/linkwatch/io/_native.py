@@ -32,6 +32,8 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
             words.append(f"--{option}={str(value).lower()}")
     if options.keep_open:
         words.append("--keep-open")
+    if options.keep_order:
+        words.append("--keep-order")
     if options.counts is not None:
         words.append(f"--counts={','.join(map(str, arguments.integers(options.counts)))}")
     if options.topic is not None:

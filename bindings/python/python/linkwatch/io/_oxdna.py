@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def read(paths: Sequence[Path], options: Options) -> Frames:
     """Opens a topology and configurations."""
     tops = [path for path in paths if path.suffix.lower() == ".top"]
-    others, notes = in_order([path for path in paths if path not in tops])
+    others, notes = in_order([path for path in paths if path not in tops], options)
     if not others:
         raise ValueError(f"{tops[0]}: a topology without a configuration: give the .dat file, too")
     beside = others[0].with_suffix(".top")
