@@ -385,6 +385,12 @@ def test_parts_and_blocks_of_paraview_are_read_together(tmp_path):
         frames = linkwatch.read(written(tmp_path, name, text))
         assert [frame.counts for frame in frames] == [[-12] * 4]
     assert "cut there" in str(linkwatch.read(tmp_path / "a.pvtp").summary)
+    # Regression test: a file that names itself was a RecursionError.
+    around = parts.replace("b.vtp", "a.vtm")
+    written(tmp_path, "a.pvtp", f'<VTKFile type="PPolyData">{around}</VTKFile>')
+    for name in ("a.pvtp", "a.vtm"):
+        with pytest.raises(ValueError, match="the file names itself, or a file that names it"):
+            linkwatch.read(tmp_path / name)
 
 
 @pytest.mark.parametrize("suffix", ["gz", "bz2", "xz"])
@@ -604,6 +610,8 @@ def test_edges_that_share_no_point_are_joined_by_their_places(tmp_path):
         # Regression tests: the first point, and the second block, were missing in silence.
         ("coils.a", coils().replace("mirror NIL\n", ""), "line 3: a point in the header"),
         ("coils.a", coils() + coils(), "line 31: text after `end`: keep one block"),
+        # Regression test: the second point of a number replaced the first one in silence.
+        ("a.poly", poly().replace("3: ", "2: ", 1), "line 4: a second point with the number 2"),
         ("a.poly", poly().replace("END", ""), "the file ends without a line END"),
         (
             "a.poly",
@@ -1131,6 +1139,11 @@ def test_curves_stay_open_on_request_whatever_reads_their_file(tmp_path):
     assert np.load(archive)["counts"].tolist() == [13, 13]
     code, out, err = run("check", "--keep-open", path, path)
     assert code == 0 and "2 open curves" in out, (out, err)
+    # Regression test: a line that returns to the same vertex stayed open in one of two readers.
+    path = written(tmp_path, "a.obj", TEXT["a.obj"])
+    for name in (None, "obj"):
+        frames = linkwatch.read(path, format=name, keep_open=True)
+        assert next(iter(frames)).counts == [-12, -12]
     # Regression test: `keep_open` was ignored for files that the command reads.
     assert next(iter(linkwatch.read(archive, keep_open=True))).counts == [13, 13]
     ring = np.concatenate([RING, RING[:1]])

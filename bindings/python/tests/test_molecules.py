@@ -767,6 +767,9 @@ def test_ring_strands_of_oxdna_are_linked(tmp_path, top):
     assert [links(frame) for frame in found] == [1, 1, 1]
     code, _, err = run("convert", path, data, tmp_path / "out.npz")
     assert code == 0, err
+    # Regression test: empty lines after a configuration were an error.
+    blank = written(tmp_path, "b.dat", oxdna(2) + "\n" + oxdna() + "\n\n")
+    assert len(list(linkwatch.read(path, blank))) == 3
     # The topology of the same name is taken.
     alone = written(tmp_path, "a.conf", oxdna())
     assert len(list(linkwatch.read(alone))) == 1

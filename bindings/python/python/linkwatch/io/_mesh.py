@@ -296,13 +296,15 @@ def _split(error: Callable[[str], ValueError], points: Array, ends: Array) -> li
     return np.split(points, ends[:-1]) if len(ends) else []
 
 
-def _pieces(path: Path) -> Iterator[tuple[_Xml, ElementTree.Element]]:
-    """Yields the pieces of a file, and those of the files that it names."""
+def _pieces(path: Path, *above: Path) -> Iterator[tuple[_Xml, ElementTree.Element]]:
+    """Yields the pieces of a file, and those of the files that it names. Those above name it."""
     file = _Xml(path)
+    if path.resolve() in above:
+        raise file.error("the file names itself, or a file that names it")
     for one in file.root.iter():
         source = {"Piece": one.get("Source"), "DataSet": one.get("file")}.get(one.tag)
         if source:
-            yield from _pieces(path.parent / source)
+            yield from _pieces(path.parent / source, path.resolve(), *above)
         elif one.tag == "Piece":
             yield file, one
 

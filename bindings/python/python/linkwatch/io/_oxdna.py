@@ -130,9 +130,13 @@ def _configuration(lines: Lines, number: int) -> tuple[float, list[float], Array
     values = {}
     for key in "tbE":
         text = lines.file.readline()
-        if not text and key == "t":
-            return None
         lines.number += 1
+        while key == "t" and not text.strip():
+            if not text:
+                return None
+            # Empty lines may follow a configuration.
+            text = lines.file.readline()
+            lines.number += 1
         name, _, value = text.partition("=")
         if name.strip() != key:
             raise lines.error(f"expected `{key} = ..`, found {text.strip()!r}")

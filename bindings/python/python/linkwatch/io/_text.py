@@ -148,7 +148,9 @@ def read_obj(path: Path) -> Scene:
             control = points[numbers]
             parameters = np.array(knots, float)
             if not spline or spline[0] == "1" and _is_whole(control, spline, parameters, lines):
-                scene.curves.append(Curve(control[:, :3]))
+                # The same vertex, rather than the same place, closes the curve whatever is asked.
+                closed = len(numbers) > 3 and numbers[0] == numbers[-1]
+                scene.curves.append(Curve(control[: len(control) - closed, :3], closed))
                 continue
             pieces = _bezier_of_obj(control, spline, parameters, lines)
             scene.curves.append(Curve(pieces, name="bezier"))
@@ -248,6 +250,8 @@ def read_poly(path: Path) -> Scene:
             raise lines.error(f"{what} (files of TetGen and Triangle have faces, and no curves)")
         found = rest.split()
         if section == "POINTS":
+            if int(label) in points:
+                raise lines.error(f"a second point with the number {label}")
             points[int(label)] = lines.numbers(found, 3)
             continue
         closed = found[-1:] == ["<"]
