@@ -409,6 +409,13 @@ def test_compressed_files_are_unpacked(tmp_path, suffix):
         assert [frame.counts for frame in again] == [[-12, -12]]
         del frames, frame
         assert not (folder / name).exists()
+    # Regression test: files of the same name were an error.
+    (tmp_path / "b").mkdir()
+    other = tmp_path / "b" / path.name
+    other.write_bytes(path.read_bytes())
+    assert len(linkwatch.read(path, other, path)) == 3
+    code, out, err = run("check", path, other)
+    assert code == 0 and "2 frames verified" in out, (out, err)
     path.write_bytes(path.read_bytes()[:40])
     with pytest.raises(ValueError, match=f"a.obj.{suffix}: "):
         linkwatch.read(path)

@@ -114,10 +114,10 @@ def unpacked(paths: Sequence[Path], folder: Path) -> list[Path]:
     """Returns files, with the contents of the compressed ones in a folder. Files whose names differ
     in suffixes only, such as a topology, are then beside them as well."""
     found = [_unpacked(path, folder) for path in paths]
-    names = {(p.parent, q.stem) for p, q in zip(paths, found) if p != q}
-    for parent, stem in names:
-        for other in parent.glob(f"{glob.escape(stem)}.*"):
-            beside = folder / other.name
+    for path, plain in zip(paths, found):
+        others = [] if path == plain else path.parent.glob(f"{glob.escape(plain.stem)}.*")
+        for other in others:
+            beside = plain.parent / other.name
             if other.suffix.lower() not in COMPRESSED and not os.path.lexists(beside):
                 with contextlib.suppress(OSError):  # Windows needs a privilege
                     beside.symlink_to(other.absolute())
@@ -129,9 +129,12 @@ def _unpacked(path: Path, folder: Path) -> Path:
     open_it = COMPRESSED.get(path.suffix.lower())
     if open_it is None:
         return path
-    plain = folder / path.stem
+    # Files of several folders may have the same name, and the numbers of folders count.
+    place = path.absolute()
+    plain = folder / place.relative_to(place.anchor) / path.stem
+    plain.parent.mkdir(parents=True, exist_ok=True)
     try:
-        with open_it(path, "rb") as packed, open(plain, "xb") as file:
+        with open_it(path, "rb") as packed, open(plain, "wb") as file:
             shutil.copyfileobj(packed, file)
     except (EOFError, lzma.LZMAError, zlib.error) as why:
         raise ValueError(f"{path}: {why}") from None
