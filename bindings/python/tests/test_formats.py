@@ -977,6 +977,12 @@ def test_the_command_checks_all_frames_if_curves_change(tmp_path):
     code, out, err = run("check", *files)
     assert code == 3 and "the curves changed between frames" in out, (code, out, err)
     assert "files: check them with" not in err
+    # Regression test: the archive of the frames before the change has no such frame.
+    for frame, out_ in (("4", "3 # lines: 0\n"), ("1", "2 # lines: 1\n0,1,-1\n")):
+        assert run("certify", *files, "--frame", frame)[:2] == (0, out_)
+    code, out, err = run("certify", *files, "--frame=0..1")
+    assert code == 0 and "frame 1" in out and "frame 2" not in out, (out, err)
+    assert "no frame 9" in run("certify", *files, "--frame=9")[2]
 
 
 def test_a_check_keeps_curves_open_that_the_reader_keeps_open(tmp_path):

@@ -157,10 +157,31 @@ def _run(args: list[str], only: int | None) -> int:
             return _refuse("the curves change: check the file without --each")
         if more:
             others += [f"{archive[:-4]}-{k + 2}.npz" for k in range(more)]
+            others = _those_with_the_frame(others, archive)
             if args[0] == "check":
                 wanted = {"--one-motion", "--keep-order"}
                 others[1:1] = sorted(wanted - set(others))
         return command(["linkwatch", *others])
+
+
+def _those_with_the_frame(args: list[str], first: str) -> list[str]:
+    """Returns arguments without the archives, from the first one on, that lack the frame of
+    ``--frame``."""
+    k = next((k for k, arg in enumerate(args) if arg.startswith("--frame")), None)
+    if k is None:
+        return args
+    import numpy as np
+
+    frame = args[k].partition("=")[2] or args[k + 1]
+    at = args.index(first)
+    archives = [(path, np.load(path)["seq"]) for path in args[at:]]
+    low, _, high = frame.partition("..")
+    if frame == "last":
+        archives = archives[-1:]
+    elif low.isdecimal():
+        within = range(int(low), int(high if high.isdecimal() else low) + 1)
+        archives = [one for one in archives if any(n in within for n in one[1].tolist())] or archives
+    return [*args[:at], *(path for path, _ in archives)]
 
 
 def _options_of_readers(args: list[str]) -> tuple[list[str], list[str]]:
