@@ -10,11 +10,13 @@ import pathlib
 import pickle
 import re
 import struct
+import subprocess
 import zlib
 
 import linkwatch
 import numpy as np
 import pytest
+from conftest import COMMAND, PATIENCE
 from linkwatch import io
 from linkwatch._command import OWN, convert, main
 from test_command import run
@@ -341,6 +343,30 @@ def test_the_command_reads_files_of_the_package(tmp_path):
     assert run("certify", "--cell", "9,9,9", files[0])[0] == 0
     code, said, err = run("measure", "writhe", files[0])
     assert code == 0 and "writhe" in said, err
+
+
+def test_files_of_the_package_have_the_general_options(tmp_path):
+    """Regression test: they were errors."""
+    paths = [written(tmp_path, f"-{k}.ply", ply()) for k in range(2)]
+    for words in (["--json", "check"], ["check", "--json"], ["-q", "--threads", "1", "check"]):
+        code, out, err = run(*words, *paths)
+        assert code == 0 and ('{"' in out) == ("--json" in words), (words, out, err)
+        assert ("2 curves" in err) == ("-q" not in words)
+    archive = tmp_path / "out.npz"
+    code, out, err = run("convert", "--json", *paths, archive)
+    assert code == 0 and json.loads(out)["frames"] == 2, err
+    code, out, err = run("-q", "convert", *paths, archive, "--force", "--keep-order", "-v")
+    assert (code, out, err) == (0, "", "") and len(linkwatch.read(archive)) == 2
+    code, out, err = run("convert", *paths, archive, "--frame", "1", "--force")
+    assert code == 0 and len(linkwatch.read(archive)) == 1, err
+    code, out, err = run("convert", *paths, archive, "--frame=2", "--force")
+    assert code == 2 and "no frame 2" in err, err
+    ended = subprocess.run(
+        [str(COMMAND), "check", "--", *(path.name for path in paths)], cwd=tmp_path, timeout=PATIENCE
+    )
+    assert ended.returncode == 0
+    code, out, err = run("check", "--each", "--select", "name C", *paths)
+    assert code == 2 and "--select has no effect with --each" in err
 
 
 def test_each_file_of_the_package_is_a_run_of_its_own(tmp_path):

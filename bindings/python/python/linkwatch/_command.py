@@ -26,6 +26,10 @@ SWITCHES = {
     *"-h --help -q --quiet -v --verbose".split(),
 }
 
+# Subcommands that read files, and options that may be before them.
+SUBCOMMANDS = (["convert"], ["check"], ["certify"], ["measure"])
+GENERAL = ("--json", "-q", "--quiet", "-v", "--verbose", "--threads")
+
 # Suffixes of files that the command always reads itself: they cost no import of the readers.
 OWN = (".bcc", ".npy", ".npz", ".mcap", ".obj", ".vect", ".xyz", ".extxyz", ".dump", ".lammpstrj")
 
@@ -55,10 +59,12 @@ def _main() -> int:
     # Python's own handler would take effect only when the command has ended.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    args = sys.argv[1:]
+    args = _in_place(sys.argv[1:])
     # Each file of `--each` comes back in a process of its own, as the value of `--only`.
     each = "--each" in args and "--only" not in args
-    if each or args[:1] not in (["convert"], ["check"], ["certify"], ["measure"]):
+    if each and (option := _given(args, "--select", "--format")):
+        return _refuse(f"{option} has no effect with --each: check each file alone")
+    if each or args[:1] not in SUBCOMMANDS:
         return command(["linkwatch", *args])
     only = args.index("--only") + 1 if "--only" in args[:-1] else None
     packed = _packed(args, only)
@@ -76,6 +82,23 @@ def _main() -> int:
                 # A value may follow its option in the same word.
                 args[k] = args[k].removesuffix(_named(args[k])) + str(path)
         return _run(args, only)
+
+
+def _in_place(args: list[str]) -> list[str]:
+    """Returns arguments with the subcommand first, and names of files that begin with no dash."""
+    k = 0
+    while args[k : k + 1] and (args[k] in GENERAL or args[k].startswith("--threads=")):
+        k += 2 if args[k] == "--threads" else 1
+    if args[k : k + 1] not in SUBCOMMANDS:
+        return args
+    args = [args[k], *args[:k], *args[k + 1 :]]
+    end = args.index("--") if "--" in args else len(args)
+    return args[: end + 1] + [f"./{a}" if a.startswith("-") else a for a in args[end + 1 :]]
+
+
+def _given(args: list[str], *options: str) -> str | None:
+    """Returns the first one of some options that is given."""
+    return next((name for arg in args if (name := arg.partition("=")[0]) in options), None)
 
 
 def _packed(args: list[str], only: int | None) -> dict[str, list[int]]:
@@ -123,30 +146,35 @@ def _inputs(args: list[str]) -> list[str]:
 
 def _run(args: list[str], only: int | None) -> int:
     """Runs a subcommand that reads files, or one of them, whose place among them is given."""
+    words = _inputs(args)
+    output: list[str] = []
     if args[:1] == ["convert"]:
-        code = convert(args[1:])
-        return command(["linkwatch", *args]) if code is None else code
-    files = list(filter(_only_the_package_reads, [args[only]] if only else _inputs(args)))
+        if not _given(args, "--frame", "--json"):
+            code = convert(args[1:])
+            return command(["linkwatch", *args]) if code is None else code
+        words, output = words[:-1], words[-1:]
+    files = [args[only]] if only else words
+    if not _given(args, "--format"):
+        files = list(filter(_only_the_package_reads, files))
     if not files:
         return command(["linkwatch", *args])
     if not only:
         files = _read_together(args, files)
-        others = [arg for arg in _inputs(args) if arg not in files]
+        others = [arg for arg in words if arg not in files]
         if others:
             return _refuse(
                 f"only the Python package reads {files[0]}, but the command reads {others[0]}: "
                 "convert all files to .npz first"
             )
-    for option in ("--bonds", "--counts", "--topic"):
-        if option in args or any(arg.startswith(f"{option}=") for arg in args):
-            return _refuse(f"{option} is no option for {files[0]}, which says its curves itself")
+    if option := _given(args, "--bonds", "--counts", "--topic"):
+        return _refuse(f"{option} is no option for {files[0]}, which says its curves itself")
     # By an archive, which the command reads.
     with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
         archive = str(pathlib.Path(folder) / f"{pathlib.Path(files[-1]).stem}.npz")
         if only:
             args[only] = archive
         else:
-            args = [*(arg for arg in args if arg not in files), archive]
+            args = [*(arg for arg in args if arg not in [*files, *output]), archive]
         options, others = _options_of_readers(args)
         are_runs = args[0] == "check" and "--one-motion" not in args
         if convert([*files, *options, archive], says_parts=False, are_runs=are_runs) == 2:
@@ -158,10 +186,10 @@ def _run(args: list[str], only: int | None) -> int:
         if more:
             others += [f"{archive[:-4]}-{k + 2}.npz" for k in range(more)]
             others = _those_with_the_frame(others, archive)
-            if args[0] == "check":
+            if args[0] in ("check", "convert"):
                 wanted = {"--one-motion", "--keep-order"}
                 others[1:1] = sorted(wanted - set(others))
-        return command(["linkwatch", *others])
+        return command(["linkwatch", *others, *output])
 
 
 def _those_with_the_frame(args: list[str], first: str) -> list[str]:
@@ -196,7 +224,7 @@ def _options_of_readers(args: list[str]) -> tuple[list[str], list[str]]:
                 others.append("--keep-open")
             elif word == "--wrapped=false":
                 others.append(word)
-        elif word in ("--keep-open", "--keep-order"):
+        elif word in ("--keep-open", "--keep-order", "-q", "--quiet"):
             options.append(word)
             others.append(word)
         elif name in ("--select", "--format", "--cell"):
@@ -265,6 +293,12 @@ def convert(args: list[str], *, says_parts: bool = True, are_runs: bool = False)
     kept = "keep curves open that only end where they start"
     parser.add_argument("--keep-open", action="store_true", help=kept)
     parser.add_argument("--keep-order", action="store_true", help="keep the order of the files")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print warnings and errors only")
+    parser.add_argument("--frame", metavar="SEQ", help="convert only the frame with this number")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    # Without an effect here.
+    parser.add_argument("-v", "--verbose", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--threads", help=argparse.SUPPRESS)
     for option, what in FLAGS.items():
         parser.add_argument(option, choices=("true", "false"), help=what)
     parser.add_argument("--cell", help="periodic cell: 10,10,12; or none")
@@ -292,7 +326,9 @@ def convert(args: list[str], *, says_parts: bool = True, are_runs: bool = False)
     except (ImportError, OSError, ValueError) as why:
         return _refuse(str(why))
     summary = frames.summary
-    print(f"{', '.join(given.input)}: {summary}", file=sys.stderr)
+    is_whole = not summary.left_out and not summary.rejected
+    if not (given.quiet and is_whole):
+        print(f"{', '.join(given.input)}: {summary}", file=sys.stderr)
     if len(written) > 1 and says_parts:
         names = " ".join(map(str, written))
         print(
@@ -300,4 +336,4 @@ def convert(args: list[str], *, says_parts: bool = True, are_runs: bool = False)
             f"`linkwatch check {names} --one-motion`",
             file=sys.stderr,
         )
-    return 3 if summary.left_out or summary.rejected else 0
+    return 0 if is_whole else 3
