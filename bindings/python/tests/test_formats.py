@@ -361,10 +361,10 @@ def test_files_of_the_package_have_the_general_options(tmp_path):
     assert code == 0 and len(linkwatch.read(archive)) == 1, err
     code, out, err = run("convert", *paths, archive, "--frame=2", "--force")
     assert code == 2 and "no frame 2" in err, err
-    ended = subprocess.run(
-        [str(COMMAND), "check", "--", *(path.name for path in paths)], cwd=tmp_path, timeout=PATIENCE
-    )
-    assert ended.returncode == 0
+    words = [str(COMMAND), "check", "--", *(path.name for path in paths)]
+    assert subprocess.run(words, cwd=tmp_path, timeout=PATIENCE).returncode == 0
+    code, out, err = run("--json", "measure", "writhe", paths[0])
+    assert code == 0 and '"writhe"' in out, (out, err)
     code, out, err = run("check", "--each", "--select", "name C", *paths)
     assert code == 2 and "--select has no effect with --each" in err
 

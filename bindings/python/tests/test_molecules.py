@@ -330,6 +330,9 @@ def test_frames_of_the_first_file_are_frames_if_later_files_have_its_kind(tmp_pa
     assert linkwatch.check(paths).changes[0]["frame"] == 1
     # The files are sorted by their numbers, the first one as well.
     assert run("check", *paths[::-1], "--events=off")[0] == 1
+    other = save(universe(bonds=EDGES[1:], cell=None), tmp_path / "F4.pdb", bonds="all")
+    rejected = [frame.rejected for frame in linkwatch.read(*paths, other)]
+    assert rejected[:3] == [None] * 3 and "other bonds than the first frame" in rejected[3]
     frames = linkwatch.read(paths[0], save(universe(frames=2), tmp_path / "a.dcd"))
     assert len(frames) == 2 and "F0.pdb is the topology" in str(frames.summary)
     # Files with several frames each may be runs of their own.

@@ -136,12 +136,13 @@ def _refuse(why: str) -> int:
 
 def _inputs(args: list[str]) -> list[str]:
     """Returns the arguments of a subcommand that are no options and no values of options."""
-    first = 2 if args[0] == "measure" else 1
-    return [
+    found = [
         args[k]
-        for k in range(first, len(args))
+        for k in range(1, len(args))
         if not args[k].startswith("-") and not _is_value(args, k)
     ]
+    # The first argument of `measure` is another subcommand.
+    return found[args[0] == "measure" :]
 
 
 def _run(args: list[str], only: int | None) -> int:
@@ -208,7 +209,8 @@ def _those_with_the_frame(args: list[str], first: str) -> list[str]:
         archives = archives[-1:]
     elif low.isdecimal():
         within = range(int(low), int(high if high.isdecimal() else low) + 1)
-        archives = [one for one in archives if any(n in within for n in one[1].tolist())] or archives
+        having = [one for one in archives if any(k in within for k in one[1].tolist())]
+        archives = having or archives
     return [*args[:at], *(path for path, _ in archives)]
 
 

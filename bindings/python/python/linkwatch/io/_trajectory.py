@@ -43,7 +43,7 @@ class PassedOver:
         self._trajectory = trajectory
         self._ids: Array | None = None
         self._bonds: Array | None = None
-        # By reader: the cell of a PDB file, and whether a GSD file begins with other bonds.
+        # By reader: the cell of a PDB file, and whether a file begins with other bonds.
         self._cells: dict[int, Array | None] = {}
         self._begins: dict[int, bool] = {}
 
@@ -147,9 +147,16 @@ class PassedOver:
         return order
 
     def has_other_bonds(self, now: Any) -> bool:
-        """Returns whether the bonds of a GSD file differ from those of the first frame of all."""
+        """Returns whether a GSD or PDB file has other bonds than the first frame of all."""
         reader, frame = self._reader(now)
-        if getattr(reader, "format", "") != "GSD":
+        kind = getattr(reader, "format", "")
+        if "PDB" in kind:
+            if id(reader) not in self._begins:
+                first = getattr(self._trajectory, "readers", [reader])[0]
+                both = [] if reader is first else [_conects(reader), _conects(first)]
+                self._begins[id(reader)] = len(both) == 2 and all(both) and both[0] != both[1]
+            return self._begins[id(reader)]
+        if kind != "GSD":
             return False
         if self._bonds is None:
             first = getattr(self._trajectory, "readers", [reader])[0]
@@ -219,6 +226,21 @@ def _lattice(comment: str) -> Array:
 def _bonds(reader: Any, frame: int) -> Array:
     """Returns the bonds of a frame of a GSD file, sorted."""
     return np.unique(np.sort(reader._file[frame].bonds.group, axis=1), axis=0)
+
+
+def _conects(reader: Any) -> set[tuple[str, ...]]:
+    """Returns the pairs of serial numbers that CONECT of a PDB file names."""
+    path = Path(str(reader.filename))
+    if path.suffix.lower() not in PDB or not path.is_file():
+        return set()
+    found = set()
+    with open(path, encoding="latin-1") as file:
+        for line in file:
+            if line.startswith("CONECT"):
+                text = line[6:].rstrip()
+                atoms = [text[k : k + 5].strip() for k in range(0, len(text), 5)]
+                found.update(tuple(sorted((atoms[0], other))) for other in atoms[1:])
+    return found
 
 
 def _ids(group: Any, frame: int) -> Array:
