@@ -251,8 +251,8 @@ def read(
             raise ValueError(f"{path}: `{name}` is no option for files of the format {found.name}")
     if keep_open and closed is None and found is not FORMATS[-1]:
         closed = False
-    options = Options(closed, unwrap, cell, select or "all", counts, topic, one_motion, keep_open)
-    options.keep_order = keep_order
+    options = Options(closed, unwrap, cell, select or "all", counts, topic, one_motion)
+    options.keep_open, options.keep_order = keep_open, keep_order
     frames = found.read(paths, options)
     if folder is not None:
         weakref.finalize(frames, folder.cleanup)

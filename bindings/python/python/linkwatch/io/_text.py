@@ -148,7 +148,7 @@ def read_obj(path: Path) -> Scene:
             control = points[numbers]
             parameters = np.array(knots, float)
             if not spline or spline[0] == "1" and _is_whole(control, spline, parameters, lines):
-                # The same vertex, rather than the same place, closes the curve whatever is asked.
+                # A curve that returns to its first vertex is closed, also with `keep_open`.
                 closed = len(numbers) > 3 and numbers[0] == numbers[-1]
                 scene.curves.append(Curve(control[: len(control) - closed, :3], closed))
                 continue

@@ -233,7 +233,7 @@ def _conects(reader: Any) -> set[tuple[str, ...]]:
     path = Path(str(reader.filename))
     if path.suffix.lower() not in PDB or not path.is_file():
         return set()
-    found = set()
+    found: set[tuple[str, ...]] = set()
     with open(path, encoding="latin-1") as file:
         for line in file:
             if line.startswith("CONECT"):
