@@ -257,8 +257,9 @@ impl Replay<'_> {
             match next {
                 Waiting::Frame(frame) => {
                     // The recorded run searched the steps to this frame, with its own options.
-                    let is_gap = self.restarted && !self.comparison.differing.is_empty();
-                    self.run.sum.gaps += u64::from(is_gap);
+                    let differs = !self.comparison.differing.is_empty();
+                    let is_gap = self.restarted && self.run.tally.verified > 0;
+                    self.run.sum.gaps += u64::from(is_gap && differs);
                     let judged = self.run.judge(*frame)?;
                     self.last = Some(Arc::clone(&judged.report));
                     self.run.publish(judged);
