@@ -151,6 +151,9 @@ pub struct Run {
     open_curves: u64,
     /// Number of rejected frames after the last verified one.
     rejected: u64,
+    /// Start of the run, by the clock of the system, which may be set meanwhile, and by one that may
+    /// not.
+    start: (SystemTime, Instant),
     /// Time that the last frame took to verify.
     last_check: Option<Duration>,
     /// Frames so far. Those of a simulator are counted by the bus.
@@ -204,6 +207,7 @@ impl Run {
             is_new_run: true,
             open_curves: 0,
             rejected: 0,
+            start: (SystemTime::now(), Instant::now()),
             last_check: None,
             tally: Counters::default(),
             before: Counters::default(),
@@ -357,7 +361,7 @@ impl Run {
                 work: judged.work,
                 ..RunProgress::default()
             }
-            .received(SystemTime::now()),
+            .received(self.start.0 + self.start.1.elapsed()),
         });
         for queue in &self.queues {
             queue.frame(Arc::clone(&record));
