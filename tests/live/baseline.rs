@@ -62,6 +62,53 @@ fn the_baseline_is_the_first_frame_whenever_the_watch_starts() {
     }
 }
 
+/// Regression test: the straight step from the first frame to the newest one had a pull-through.
+#[test]
+fn a_watch_that_starts_late_knows_no_motion_before_it() {
+    let folder = TempDir::new().unwrap();
+    for late in [false, true] {
+        let service = service(&format!("motion {late}"));
+        let begin = || Watch::start(folder.path(), "watch", &service, &[]);
+        let early = (!late).then(begin);
+        let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
+        sim.describe(Basis::Polyline, Precision::F32, &[2, 2])
+            .unwrap();
+        let frames = around_an_end();
+        for (time, positions) in (0..3).map(f64::from).zip(&frames) {
+            match late {
+                true => drop(sim.publish(time, Positions::F32(positions)).unwrap()),
+                false => assert_eq!(verdict_on(&mut sim, time, positions), Verdict::Intact),
+            }
+        }
+        let watch = early.unwrap_or_else(|| {
+            sim.publish(3.0, Positions::F32(&frames[3])).unwrap();
+            let watch = begin();
+            assert!(matches!(
+                sim.wait(3, PATIENCE).unwrap(),
+                Outcome::Verdict(_)
+            ));
+            watch
+        });
+        // A small step, which is searched again.
+        assert_eq!(verdict_on(&mut sim, 4.0, &frames[3]), Verdict::Intact);
+        sim.finish().unwrap();
+        let ended = watch.end();
+        assert_eq!(
+            ended.code,
+            Some(if late { 3 } else { 0 }),
+            "{}",
+            ended.stderr
+        );
+        assert_eq!(ended.summary()["gaps"], u64::from(late));
+        let verdicts: Vec<_> = ended
+            .reports()
+            .iter()
+            .map(|r| r["verdict"].clone())
+            .collect();
+        assert_eq!(verdicts, vec!["intact"; if late { 3 } else { 4 }]);
+    }
+}
+
 #[test]
 fn a_watch_says_what_it_watches() {
     let folder = TempDir::new().unwrap();

@@ -30,7 +30,7 @@ pub fn describe_many(sim: &mut Client) {
 }
 
 /// Runs a watch with options of a recording. The simulator publishes these positions in lockstep.
-fn record(
+pub fn record(
     folder: &Path,
     name: &str,
     (settings, options): (&str, &[&str]),

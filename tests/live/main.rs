@@ -195,6 +195,15 @@ fn client(service: &str) -> Client {
     client
 }
 
+/// Returns two open strands. One moves around the end of the other and meets nothing; a straight
+/// motion from the first position to the last one would pass through it.
+fn around_an_end() -> [Vec<f32>; 4] {
+    [[-1.0, 0.0], [-1.0, 2.0], [1.0, 2.0], [1.0, 0.0]].map(|[x, z]| {
+        let ends = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [x, -1.0, z], [x, 1.0, z]];
+        ends.concat()
+    })
+}
+
 /// Publishes a frame and waits for its verdict.
 fn step(client: &mut Client, frame: u64, shift: f32) -> Verdict {
     verdict_on(client, frame as f64 * 0.1, &squares(shift))

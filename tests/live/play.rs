@@ -1,5 +1,6 @@
 //! `linkwatch play`: recorded frames on the bus.
 
+use super::keep::record;
 use super::written::Chainmail;
 use super::*;
 use linkwatch::{
@@ -151,6 +152,25 @@ fn names_time_steps_cuts_and_changes_of_curves_are_published() {
         assert_eq!(after.layout, 1 + before.layout);
     }
     assert_eq!(after.len(), 6);
+}
+
+/// Regression test: a straight step over frames that were left out had a pull-through.
+#[test]
+fn frames_around_a_gap_of_a_recording_are_not_joined() {
+    let folder = TempDir::new().unwrap();
+    let frames = around_an_end().into_iter();
+    let live = record(folder.path(), "thinned", (",every=3", &[]), &[2, 2], frames);
+    assert_eq!(live.code, Some(0), "{}", live.stderr);
+    let again = folder.path().join("again.mcap");
+    let args = ["--record", again.to_str().unwrap()];
+    let [published, watch] = publish("joined", &folder.path().join("run.mcap"), &[], &args);
+    assert_eq!(published.code, Some(0), "{}", published.stderr);
+    assert_eq!(watch.reports().len(), 2);
+    let cuts = items(&again).into_iter().filter_map(|item| match item {
+        RecordedItem::Frame(frame) => Some(frame.info.cuts),
+        _ => None,
+    });
+    assert_eq!(cuts.collect::<Vec<_>>(), [0, 1]);
 }
 
 #[test]

@@ -4,6 +4,7 @@ import json
 import signal
 import sys
 import threading
+import time
 
 import linkwatch
 import numpy as np
@@ -56,6 +57,20 @@ def finish(sim, watch):
     code, out, err = watch.end()
     assert last is not None, err
     return last, code, out
+
+
+# Regression test: the wait lasted to its limit.
+def test_a_wait_for_an_earlier_frame_ends_at_once(service, start):
+    watch = start("watch", "--service", service)
+    with lockstep(service) as sim:
+        for _ in range(3):
+            assert step(sim).intact
+        begin = time.monotonic()
+        assert sim.wait(PATIENCE, 0) is None
+        assert time.monotonic() - begin < PATIENCE / 2
+        why = "no verdict on frame 0: the watcher skipped it, or a later one was read before"
+        assert sim.no_verdict == why
+        finish(sim, watch)
 
 
 def test_a_watcher_killed_during_a_lockstep_wait_ends_the_wait(service, start):
