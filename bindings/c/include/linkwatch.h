@@ -665,7 +665,7 @@ lw_status lw_session_cut(struct lw_session *session);
 
 // Accepts the present state as the new baseline: the linking numbers of the next frame that is not
 // rejected are expected from then on, whatever they are. Pull-throughs are not searched for in the
-// step to it.
+// step to it. Before the first frame, this does nothing: a given baseline remains.
 //
 // # Safety
 //

@@ -376,7 +376,7 @@ public:
   }
 
   // Accepts the present state as the new baseline: the linking numbers of the next frame are
-  // expected from then on.
+  // expected from then on. Before the first frame, this does nothing: a given baseline remains.
   void accept() { detail::check(lw_session_accept(session.get())); }
 
   // Marks the next frame as not continuing the previous one.

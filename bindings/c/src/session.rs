@@ -512,7 +512,7 @@ pub unsafe extern "C" fn lw_session_cut(session: *mut lw_session) -> lw_status {
 
 /// Accepts the present state as the new baseline: the linking numbers of the next frame that is not
 /// rejected are expected from then on, whatever they are. Pull-throughs are not searched for in the
-/// step to it.
+/// step to it. Before the first frame, this does nothing: a given baseline remains.
 ///
 /// # Safety
 ///

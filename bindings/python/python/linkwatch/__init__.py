@@ -380,7 +380,8 @@ class Session:
         """Accepts the present state as the new baseline.
 
         The linking numbers of the next frame that is not rejected are expected from then on,
-        whatever they are. Pull-throughs are not searched for in the step to it.
+        whatever they are. Pull-throughs are not searched for in the step to it. Before the first
+        frame, this does nothing: a given baseline remains.
         """
         self._session.accept()
 
