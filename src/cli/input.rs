@@ -90,7 +90,7 @@ fn scene(argument: &Path) -> Result<CurveSet> {
 
 /// Replaces folders by the models in them, and patterns (`frames/*.bcc`, for shells that do not
 /// expand them) by the files that match. Unless the order is to be kept, files whose names differ
-/// in numbers only are sorted by these numbers.
+/// in numbers only are sorted by these numbers, with a warning if that is not clear.
 pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for argument in arguments {
@@ -104,7 +104,8 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
             files.push(argument.clone());
         }
     }
-    if !keep_order && (order::sort(&mut files) || order::is_unclear(&files)) {
+    let is_sorted = !keep_order && order::sort(&mut files);
+    if is_sorted || !keep_order && order::is_unclear(&files) {
         let shown: Vec<String> = files
             .iter()
             .map(|file| file.display().to_string())
@@ -113,10 +114,11 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
             [first, second, third, .., last] => format!("{first}, {second}, {third} .. {last}"),
             all => all.join(", "),
         };
-        tracing::warn!(
-            "models are sorted by the numbers in their names: {shown} (--keep-order keeps the \
-             given order)"
-        );
+        let why = match is_sorted {
+            true => "models are sorted by the numbers in their names",
+            false => "digits after a point in the names of models are decimals",
+        };
+        tracing::warn!("{why}: {shown} (--keep-order keeps the given order)");
     }
     Ok(files)
 }

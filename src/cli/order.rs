@@ -12,8 +12,8 @@ enum Part<'a> {
     Text(&'a str),
 }
 
-/// Splits a name into texts and numbers. Digits after a point are decimals, or a number of their
-/// own.
+/// Splits a name into texts and numbers. Digits after a point belong to the number before it if
+/// `decimals` is true, and are a number of their own otherwise.
 fn parts(name: &str, decimals: bool) -> Vec<Part<'_>> {
     let digits = |s: &str| s.len() - s.trim_start_matches(|c: char| c.is_ascii_digit()).len();
     let mut parts = Vec::new();
@@ -46,29 +46,28 @@ fn key(path: &str, decimals: bool) -> Vec<Vec<Part<'_>>> {
     names.map(|name| parts(name, decimals)).collect()
 }
 
-/// Returns true unless digits after a point are numbers of their own: those that count to `run2.10`
-/// have a zero at their end, which decimals have only if all are as long.
-fn are_decimals(names: &[String]) -> bool {
-    let fractions = |name: &String| -> Vec<String> {
-        let file = name.rsplit(['/', '\\']).next().unwrap_or(name);
-        let parts = parts(file, true).into_iter();
-        let fraction = |part| match part {
-            Part::Number(_, _, digits) if !digits.is_empty() => Some(digits.to_owned()),
-            _ => None,
-        };
-        parts.filter_map(fraction).collect()
+/// Returns the digits after a point of each number in the name of a file.
+fn fractions(name: &str) -> Vec<&str> {
+    let file = name.rsplit(['/', '\\']).next().unwrap_or(name);
+    let digits = |part| match part {
+        Part::Number(_, _, digits) => Some(digits),
+        Part::Text(_) => None,
     };
-    let of_files: Vec<Vec<String>> = names.iter().map(fractions).collect();
+    parts(file, true).into_iter().filter_map(digits).collect()
+}
+
+/// Returns false if the digits after a point count, as in `run2.9`, `run2.10`: they differ in
+/// length, and some end with 0.
+fn are_decimals(names: &[String]) -> bool {
+    let of_files: Vec<Vec<&str>> = names.iter().map(|name| fractions(name)).collect();
     let most = of_files.iter().map(Vec::len).max().unwrap_or(0);
     !(0..most).any(|k| {
-        let mut same_place = of_files.iter().filter_map(|file| file.get(k));
-        let differ = same_place
-            .clone()
-            .map(String::len)
-            .collect::<HashSet<_>>()
-            .len()
-            > 1;
-        differ && same_place.any(|digits| digits.len() > 1 && digits.ends_with('0'))
+        let same_place = of_files.iter().filter_map(|file| file.get(k).copied());
+        let mut same_place = same_place.filter(|digits| !digits.is_empty());
+        let lengths: HashSet<usize> = same_place.clone().map(str::len).collect();
+        // A time of `0.000` is no count.
+        let counts = |digits: &str| digits.ends_with('0') && !digits.trim_matches('0').is_empty();
+        lengths.len() > 1 && same_place.any(counts)
     })
 }
 
@@ -123,11 +122,14 @@ pub fn sort_by_number(files: &mut [PathBuf]) {
 }
 
 /// Returns true if the files would have another order if digits after a point were read in the
-/// other way: `run1.5` comes before `run1.15`, or `0.15` before `0.5`.
+/// other way (`run1.5` before `run1.15`, or `0.15` before `0.5`), and no name decides it.
 pub fn is_unclear(files: &[PathBuf]) -> bool {
     let names = names(files);
     let [one, other] = [true, false].map(|way| names.is_sorted_by_key(|name| key(name, way)));
-    one != other
+    // No count begins with 0.
+    let mut all = names.iter().flat_map(|name| fractions(name));
+    let decided = all.any(|digits| digits.len() > 1 && digits.starts_with('0'));
+    one != other && !decided && are_decimals(&names)
 }
 
 fn names(files: &[PathBuf]) -> Vec<String> {
@@ -187,6 +189,8 @@ mod tests {
                 "dump.run1.1000",
             ],
             ["v1.10/t0.25", "v1.10/t0.5", "v1.10/t1.0", "v1.10/t1.125"],
+            ["t0.25_r0.10", "t0.5_r0.10", "t1_r0.10", "t1.25_r0.10"],
+            ["t0.000", "t0.25", "t0.5", "t1"],
             [
                 "run2.10_t0.125",
                 "run2.10_t0.5",
@@ -205,6 +209,8 @@ mod tests {
         };
         assert!(unclear(&["run1.15", "run1.25", "run1.5"]));
         assert!(!unclear(&["t0.25", "t0.50", "t1.00"]));
+        assert!(!unclear(&["t0.05", "t0.1", "t0.15"]));
+        assert!(!unclear(&["run2.9", "run2.10", "run2.11"]));
         assert!(!unclear(&["F1.obj", "F2.obj", "F10.obj"]));
     }
 
