@@ -118,8 +118,9 @@ pub(super) fn is_table(path: &Path) -> bool {
 /// A line of a file.
 #[derive(Debug, PartialEq)]
 enum Line {
-    /// A point, and its values in the columns that group the points into curves, and number them.
-    Point(Point, [Option<Vec<u8>>; 2]),
+    /// A point, its value in the column that groups the points into curves, and those in columns
+    /// that number them.
+    Point(Point, Option<Vec<u8>>, Vec<Vec<u8>>),
     Count(u64),
     /// The curve ends. True if the line is neither empty nor a comment.
     Break {
@@ -134,7 +135,8 @@ struct Columns {
     /// Columns of x, y and z.
     at: [usize; 3],
     group: Option<usize>,
-    number: Option<usize>,
+    /// Those that number the points, if no column groups them.
+    numbers: Vec<usize>,
 }
 
 /// Columns of a file without a header.
@@ -142,7 +144,7 @@ const PLAIN: Columns = Columns {
     all: 3,
     at: [0, 1, 2],
     group: None,
-    number: None,
+    numbers: Vec::new(),
 };
 
 /// Returns a line with spaces in place of no-break spaces, in UTF-8 or Latin-1.
@@ -245,10 +247,12 @@ impl Columns {
             ));
         }
         let [x, y, z] = self.at.map(|column| number(fields[column]));
-        let value = |column: Option<usize>| column.map(|column| fields[column].to_vec());
+        let value = |column: usize| fields[column].to_vec();
+        let numbers = self.numbers.iter().map(|&column| value(column));
         Ok(Line::Point(
             [x?, y?, z?],
-            [self.group, self.number].map(value),
+            self.group.map(value),
+            numbers.collect(),
         ))
     }
 
@@ -277,14 +281,14 @@ impl Columns {
         let Some(at) = known else {
             return Ok(None);
         };
-        let (mut group, mut number) = (None, None);
+        let (mut group, mut numbers) = (None, Vec::new());
         for (k, name) in names.iter().enumerate() {
             match name.as_str() {
                 _ if at.contains(&k) => {}
                 _ if is_in(GROUPS, name) && group.is_none() => group = Some(k),
                 // The index of pandas has no name.
-                "" | "unnamed: 0" if k == 0 => number = Some(k),
-                _ if is_in(NUMBERS, name) => number = Some(k),
+                "" | "unnamed: 0" if k == 0 => numbers.push(k),
+                _ if is_in(NUMBERS, name) => numbers.push(k),
                 _ if is_in(OTHERS, name) => {}
                 _ => {
                     return Err(format!(
@@ -295,12 +299,15 @@ impl Columns {
                 }
             }
         }
+        if group.is_some() {
+            numbers.clear();
+        }
         let all = names.len();
         Ok(Some(Columns {
             all,
             at,
             group,
-            number,
+            numbers,
         }))
     }
 }
@@ -317,15 +324,19 @@ struct Curves {
     groups: HashSet<Vec<u8>>,
     /// Values of that column, in the order of the curves.
     names: Vec<String>,
-    /// First and last value of the current curve in a column that numbers the points.
-    numbers: [Vec<u8>; 2],
+    /// First and last values of the current curve in the columns that number the points.
+    numbers: [Vec<Vec<u8>>; 2],
     /// First line of the frame that is no point, although the frame has its number of lines.
     bad: Option<Error>,
 }
 
 impl Curves {
-    fn push(&mut self, point: Point, values: [Option<Vec<u8>>; 2]) -> Result<(), String> {
-        let [group, number] = values;
+    fn push(
+        &mut self,
+        point: Point,
+        group: Option<Vec<u8>>,
+        numbers: Vec<Vec<u8>>,
+    ) -> Result<(), String> {
         if group != self.group || self.sizes.is_empty() {
             if let Some(group) = &group {
                 if !self.groups.insert(group.clone()) {
@@ -346,29 +357,35 @@ impl Curves {
         if begins {
             self.sizes.push(0);
         }
-        if let Some(number) = number {
-            self.check_number(number, begins, point)?;
-        }
+        self.check_numbers(numbers, begins, point)?;
         *self.sizes.last_mut().expect("a curve was begun") += 1;
         self.points.push(point);
         Ok(())
     }
 
-    /// Checks the value of a point in a column that numbers points: it differs from those before.
+    /// Checks the values of a point in the columns that number points: they differ from those
+    /// before.
     ///
     /// # Errors
     ///
-    /// The column numbers curves, or begins again for each of them.
-    fn check_number(&mut self, number: Vec<u8>, begins: bool, point: Point) -> Result<(), String> {
+    /// A column numbers curves, or begins again for each of them.
+    fn check_numbers(
+        &mut self,
+        numbers: Vec<Vec<u8>>,
+        begins: bool,
+        point: Point,
+    ) -> Result<(), String> {
         let [first, last] = &mut self.numbers;
         if begins {
-            first.clone_from(&number);
-        } else {
+            first.clone_from(&numbers);
+        } else if !numbers.is_empty() {
             let start = self.points.len() - self.sizes.last().copied().unwrap_or(0);
             // The first point may be repeated at the end.
-            let again = number == *first && self.points[start] != point;
-            if number == *last || again {
-                let number = quote(&number);
+            let is_first = self.points.get(start) == Some(&point);
+            let mut all = numbers.iter().zip(first.iter().zip(&*last));
+            let again = all.find(|(now, (first, last))| now == last || now == first && !is_first);
+            if let Some((number, _)) = again {
+                let number = quote(number);
                 return Err(format!(
                     "{number} again in a column that numbers points: name the column curve if it \
                      says which points belong together; if it begins again with each curve, add a \
@@ -376,7 +393,7 @@ impl Curves {
                 ));
             }
         }
-        *last = number;
+        *last = numbers;
         Ok(())
     }
 
@@ -469,14 +486,15 @@ impl<R: BufRead> Points<R> {
                     self.check_complete(&curves, count)?;
                     return Ok(Some(curves));
                 }
-                Line::Point(point, [group, number]) => {
+                Line::Point(point, group, mut numbers) => {
                     if let Some(n) = count.filter(|&n| n == curves.points.len() as u64) {
                         let what = format!("a point after the {n} of its frame");
                         return Err(self.lines.bad(what));
                     }
-                    // The caller divides the points himself.
-                    let number = number.filter(|_| self.options.counts.is_none());
-                    let pushed = curves.push(point, [group, number]);
+                    if self.options.counts.is_some() {
+                        numbers.clear();
+                    }
+                    let pushed = curves.push(point, group, numbers);
                     pushed.map_err(|what| self.lines.bad(what))?;
                 }
             }

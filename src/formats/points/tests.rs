@@ -64,6 +64,11 @@ fn a_column_that_numbers_points_cannot_number_curves() {
             [2, 2],
         ),
         (
+            "id,n,x,y,z\n8,1,1,0,0\n8,2,2,0,0\n9,3,3,0,0\n9,4,4,0,0\n",
+            "8",
+            [2, 2],
+        ),
+        (
             ",x,y,z\n0,1,0,0\n1,2,0,0\n\n0,3,0,0\n1,4,0,0\n0,5,0,0\n",
             "0",
             [2, 3],
@@ -74,6 +79,8 @@ fn a_column_that_numbers_points_cannot_number_curves() {
         let given = frames(text, None, Some(&counts)).unwrap();
         assert!(given.iter().all(|frame| frame.curves.is_ok()), "{text}");
     }
+    let divided = "curve,n,x,y,z\n7,9,1,0,0\n7,9,2,0,0\n8,,3,0,0\n8,,4,0,0\n";
+    assert_eq!(shape(divided, Some(true)).unwrap().len(), 2);
     let closed = "id,x,y,z\n1,1,0,0\n2,2,0,0\n3,3,0,0\n1,1,0,0\n";
     assert_eq!(
         shape(closed, Some(true)).unwrap(),
