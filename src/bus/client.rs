@@ -10,6 +10,7 @@ use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED};
 use crate::curve::{Basis, Cell, CurveLabels, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::fork::Owned;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Maximum time that a sleeping client waits before it polls.
@@ -355,7 +356,15 @@ impl Client {
             let (port, node) = (sample.header().publisher_id(), sample.header().node_id());
             drop(sample);
             let mut message = wire.read()?;
-            message.names = self.frames.names(message.seq);
+            // The watcher repeats an abort.
+            let repeated = self
+                .aborted
+                .as_ref()
+                .filter(|abort| abort.seq == message.seq);
+            message.names = match repeated {
+                Some(abort) => Arc::clone(&abort.names),
+                None => self.frames.names(message.seq),
+            };
             let (endpoint, session) = (&self.connection.endpoint, self.frames.session);
             if !(self.watcher).record_sender(endpoint, session, &message, port, node) {
                 continue;
@@ -369,6 +378,7 @@ impl Client {
             }
             match message.kind {
                 MessageKind::Verdict if published => {
+                    self.frames.forget_names_before(message.seq);
                     self.last = Some(message.clone());
                     return Ok(Some(message));
                 }

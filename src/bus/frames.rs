@@ -75,7 +75,8 @@ pub(super) struct Frames {
     layout: Option<Layout>,
     /// Number of layouts that were declared.
     layouts: u32,
-    /// The names of the last ones, each with the number of its first frame, for messages on frames.
+    /// Different names of curves, each with the number of its first frame, from the last frame on
+    /// that has a verdict.
     names: VecDeque<(u64, Arc<[String]>)>,
     /// Time step of the simulator in seconds; 0 if it is unknown.
     pub time_step: f64,
@@ -102,9 +103,6 @@ struct Layout {
     labels: CurveLabels,
 }
 
-/// Maximum number of descriptions whose names are known: more than verdicts wait to be read.
-const NAMED: usize = 256;
-
 impl Frames {
     /// Starts a session. `lockstep` informs the watcher that the simulator waits for each verdict.
     pub fn new(lockstep: bool) -> Frames {
@@ -127,7 +125,14 @@ impl Frames {
         self.cuts = self.cuts.wrapping_add(1);
     }
 
-    /// Returns the names of the curves of a frame; empty if they have none, or are too old.
+    /// Forgets the names of the curves of frames before this one.
+    pub fn forget_names_before(&mut self, seq: u64) {
+        while self.names.get(1).is_some_and(|(first, _)| *first <= seq) {
+            self.names.pop_front();
+        }
+    }
+
+    /// Returns the names of the curves of a frame; empty if they have none, or are forgotten.
     pub fn names(&self, seq: u64) -> Arc<[String]> {
         let mut latest_first = self.names.iter().rev();
         let found = latest_first.find(|(first, _)| *first <= seq);
@@ -255,11 +260,10 @@ impl Client {
             )));
         }
         frames.names.pop_back_if(|(first, _)| *first == frames.next);
-        frames
-            .names
-            .push_back((frames.next, labels.names.as_slice().into()));
-        if frames.names.len() > NAMED {
-            frames.names.pop_front();
+        let named = frames.names.back().map(|(_, names)| &names[..]);
+        if named != Some(labels.names.as_slice()) {
+            let names = labels.names.as_slice().into();
+            frames.names.push_back((frames.next, names));
         }
         frames.layout = Some(Layout {
             basis,
