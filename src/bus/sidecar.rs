@@ -543,9 +543,9 @@ impl Sidecar {
             }
             Event::Frame(frame) if frame.fault.is_none() => {
                 let follows = session.last_returned.map(|last| last + 1) == Some(frame.seq());
-                let is_kept = frame.header.flags & FLAG_BASELINE != 0 && session.delivered == 0;
+                let is_kept = frame.header.flags & FLAG_BASELINE != 0;
                 frame.after_gap = session.is_late && !follows;
-                session.is_late = is_kept && !session.was_there;
+                session.is_late = is_kept && session.last_returned.is_none() && !session.was_there;
                 session.delivered += 1;
                 session.last_returned = Some(frame.seq());
                 session.skip_to(frame.seq() + 1);

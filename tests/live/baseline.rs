@@ -68,7 +68,9 @@ fn a_watch_that_starts_late_knows_no_motion_before_it() {
     let folder = TempDir::new().unwrap();
     for late in [false, true] {
         let service = service(&format!("motion {late}"));
-        let begin = || Watch::start(folder.path(), "watch", &service, &[]);
+        let recording = folder.path().join(format!("{late}.mcap"));
+        let record = ["--record", recording.to_str().unwrap()];
+        let begin = || Watch::start(folder.path(), "watch", &service, &record);
         let early = (!late).then(begin);
         let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
         sim.describe(Basis::Polyline, Precision::F32, &[2, 2])
@@ -100,6 +102,11 @@ fn a_watch_that_starts_late_knows_no_motion_before_it() {
             ended.stderr
         );
         assert_eq!(ended.summary()["gaps"], u64::from(late));
+        assert_eq!(ended.stderr.matches("watching 2 curves").count(), 1);
+        // So does the replay.
+        let replayed = replay(&recording);
+        assert_eq!(replayed.code, ended.code, "{}", replayed.stderr);
+        assert_eq!(replayed.summary()["gaps"], u64::from(late));
         let verdicts: Vec<_> = ended
             .reports()
             .iter()

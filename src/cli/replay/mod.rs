@@ -93,6 +93,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         every: recorded_metadata.contains_key(Retention::EVERY),
         left_out,
         restarted: !left_out,
+        thinned: false,
         unfounded: false,
         ended: false,
     };
@@ -203,6 +204,8 @@ struct Replay<'a> {
     /// True if the next frame is the first one after a gap that the recorder left on purpose. It is
     /// verified without the frames before that.
     restarted: bool,
+    /// True if there are verdicts on frames just before the next one, but not their curves.
+    thinned: bool,
     /// True if the last frame after a gap had defects, which earlier frames may explain.
     unfounded: bool,
     /// True if all later frames are left out.
@@ -256,10 +259,6 @@ impl Replay<'_> {
         while let Some(next) = self.waiting.pop_front() {
             match next {
                 Waiting::Frame(frame) => {
-                    // The recorded run searched the steps to this frame, with its own options.
-                    let differs = !self.comparison.differing.is_empty();
-                    let is_gap = self.restarted && self.run.tally.verified > 0;
-                    self.run.sum.gaps += u64::from(is_gap && differs);
                     let judged = self.run.judge(*frame)?;
                     self.last = Some(Arc::clone(&judged.report));
                     self.run.publish(judged);
@@ -292,6 +291,14 @@ impl Replay<'_> {
         let after_gap =
             last.is_some() && std::mem::take(&mut self.left_out) || gap.frames > 0 || continues;
         let restarted = last.is_some() && std::mem::take(&mut self.restarted);
+        let thinned = last.is_some() && std::mem::take(&mut self.thinned);
+        if restarted && self.run.tally.verified > 1 {
+            // The recorded run searched the steps between frames that were left out, with its own
+            // options. If none was, it began again itself: it started late.
+            let is_late = gap.frames == 0 && !thinned;
+            let is_gap = is_late || !self.comparison.differing.is_empty();
+            self.run.sum.gaps += u64::from(is_gap);
+        }
         let moved = after_gap && self.motion;
         let has_defects = |r: &Report| !r.defects.is_empty();
         // Curves may touch since a frame that is not here, up to this frame.
@@ -327,6 +334,7 @@ impl Replay<'_> {
             }
             None if self.every && report.verdict == Verdict::Intact => {
                 self.comparison.thinned += 1;
+                self.thinned = true;
                 self.begin_again(None);
             }
             None => {

@@ -114,7 +114,8 @@ impl Run {
 
     /// Takes note of the first verified frame of a baseline, and says what is verified.
     pub(super) fn begin_baseline(&mut self, judged: &Judged) {
-        let begins = !self.begun || self.baseline_changed;
+        // The first frame after a gap continues the baseline.
+        let begins = !self.begun && self.sum.gaps == 0 || self.baseline_changed;
         self.find_origin(judged);
         if self.setup.live
             && begins

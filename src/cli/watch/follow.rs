@@ -324,7 +324,7 @@ impl Follower<'_> {
                     let before = self.state.note.clone();
                     let (state, cuts) = (sidecar.state(), frame.cuts());
                     self.state.begin_frame(state, (seq, time), cuts)?;
-                    if frame.after_gap() {
+                    if frame.after_gap() && run.tally.verified > 0 {
                         run.begin_after_gap();
                     }
                     let ingested = match frame.info(&mut labels) {
