@@ -164,7 +164,8 @@ fn frames_around_a_gap_of_a_recording_are_not_joined() {
     let again = folder.path().join("again.mcap");
     let args = ["--record", again.to_str().unwrap()];
     let [published, watch] = publish("joined", &folder.path().join("run.mcap"), &[], &args);
-    assert_eq!(published.code, Some(0), "{}", published.stderr);
+    assert_eq!(published.code, Some(3), "{}", published.stderr);
+    assert_eq!(published.summary()["gaps"], 1);
     assert_eq!(watch.reports().len(), 2);
     let cuts = items(&again).into_iter().filter_map(|item| match item {
         RecordedItem::Frame(frame) => Some(frame.info.cuts),

@@ -168,6 +168,8 @@ struct Counts {
     rejected: u64,
     /// Numbers between published frames, which the watcher counts as skipped frames.
     numbers_between: u64,
+    /// Steps over verified frames that are not in the recording. The watcher does not search them.
+    gaps: u64,
     /// Verdicts that asked to stop.
     aborts: u64,
 }
@@ -281,6 +283,7 @@ impl Publisher<'_> {
             } else if before.cuts != info.cuts || self.after_gap {
                 self.client.cut();
             }
+            self.counts.gaps += u64::from(self.after_gap);
         }
         self.after_gap = false;
         self.client.set_time_step(info.time_step)?;
@@ -399,7 +402,8 @@ impl Publisher<'_> {
         let seconds = start.elapsed().as_secs_f64();
         let cut = warn_of_cut(&self.source);
         let all = matches!(end, End::AllPublished);
-        let complete = all && !cut && !self.source.lacks_curves && self.counts.left_out == 0;
+        let missing = self.source.lacks_curves || self.counts.left_out + self.counts.gaps > 0;
+        let complete = all && !cut && !missing;
         let wait = match &end {
             End::AllPublished | End::Abort => SILENCE,
             End::Signal | End::NoWatcher(_) => LOOK,
@@ -439,6 +443,11 @@ impl Publisher<'_> {
                 (counts.left_out, "invalid frame", "not published"),
                 (counts.rejected, "frame", rejected),
                 (counts.numbers_between, "frame", skipped),
+                (
+                    counts.gaps,
+                    "gap",
+                    "not searched for pull-throughs by the watcher",
+                ),
             ] {
                 if n > 0 {
                     out!("{what}: {}", plural(n, noun));
