@@ -288,7 +288,7 @@ impl Client {
                 Outcome::Verdict(message) => Some(Ok(*message)),
                 Outcome::NoWatcher(how) => Some(Err(how.to_string())),
                 Outcome::Stale if asked.elapsed() < slice => Some(Err(
-                    "the watcher skipped it, or a later one was read before".into(),
+                    "the watcher skipped it, or answered a later frame before".into(),
                 )),
                 Outcome::Stale => None,
             })

@@ -68,7 +68,7 @@ def test_a_wait_for_an_earlier_frame_ends_at_once(service, start):
         begin = time.monotonic()
         assert sim.wait(PATIENCE, 0) is None
         assert time.monotonic() - begin < PATIENCE / 2
-        why = "no verdict on frame 0: the watcher skipped it, or a later one was read before"
+        why = "no verdict on frame 0: the watcher skipped it, or answered a later frame before"
         assert sim.no_verdict == why
         finish(sim, watch)
 
