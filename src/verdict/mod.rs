@@ -147,7 +147,7 @@ impl Defect {
         }
     }
 
-    /// Sorts defects by their curves and their image. The order of others remains.
+    /// Sorts defects by their curves and their image. The sort is stable.
     #[cfg(feature = "verify")]
     pub(crate) fn sort(defects: &mut [Defect]) {
         defects.sort_by_key(|d| (d.i, d.j, d.image));
