@@ -331,8 +331,14 @@ def test_frames_of_the_first_file_are_frames_if_later_files_have_its_kind(tmp_pa
     # The files are sorted by their numbers, the first one as well.
     assert run("check", *paths[::-1], "--events=off")[0] == 1
     other = save(universe(bonds=EDGES[1:], cell=None), tmp_path / "F4.pdb", bonds="all")
-    rejected = [frame.rejected for frame in linkwatch.read(*paths, other)]
-    assert rejected[:3] == [None] * 3 and "other bonds than the first frame" in rejected[3]
+    # Regression test: the bonds were those of the file that is given first.
+    for given in ([*paths, other], [other, *paths]):
+        rejected = [frame.rejected for frame in linkwatch.read(*given)]
+        assert rejected[:3] == [None] * 3 and "other bonds than the first frame" in rejected[3]
+        assert linkwatch.check(given).changes[0]["frame"] == 1
+    # Regression test: frames of the first file were said to be none.
+    frames = linkwatch.read(paths[0], *paths[:2])
+    assert len(frames) == 2 and "is the topology" not in str(frames.summary)
     frames = linkwatch.read(paths[0], save(universe(frames=2), tmp_path / "a.dcd"))
     assert len(frames) == 2 and "F0.pdb is the topology" in str(frames.summary)
     # Files with several frames each may be runs of their own.
@@ -342,8 +348,40 @@ def test_frames_of_the_first_file_are_frames_if_later_files_have_its_kind(tmp_pa
     code, out, err = run("check", *paths, "--one-motion")
     assert code == 0 and "4 frames verified" in out, (out, err)
     path = written(tmp_path, "a.xyz", extended_xyz([POINTS], "frame"))
-    with pytest.raises(ValueError, match="a trajectory has no bonds: give its topology before it"):
-        linkwatch.read(path, paths[0])
+    for given in ([path, paths[0]], [path, paths[0], path]):
+        with pytest.raises(ValueError, match="a trajectory has no bonds: give its topology before"):
+            linkwatch.read(*given)
+
+
+def test_the_topology_of_a_trajectory_may_be_xyz(tmp_path):
+    """Regression test: it was refused."""
+    path = written(tmp_path, "a.xyz", extended_xyz([POINTS], "frame"))
+    frames = linkwatch.read(path, save(universe(frames=2), tmp_path / "a.dcd"), closed=True)
+    assert [frame.counts for frame in frames] == [[-24]] * 2
+    assert "the atoms of each residue are a chain" in str(frames.summary)
+
+
+def psf(bonds):
+    """Returns a topology of CHARMM with 24 atoms."""
+    atoms = "".join(
+        f"{k + 1:8d} A    1    RNG  C    C    {0:10.6f}{12:14.4f}{0:12d}\n" for k in range(24)
+    )
+    pairs = "".join(
+        f"{a + 1:8d}{b + 1:8d}" + "\n" * (k % 4 == 3) for k, (a, b) in enumerate(bonds)
+    )
+    head = f"PSF\n\n{1:8d} !NTITLE\n REMARKS\n\n{24:8d} !NATOM\n"
+    return f"{head}{atoms}\n{len(bonds):8d} !NBOND: bonds\n{pairs}\n"
+
+
+def test_the_bonds_of_pdb_files_beside_another_topology_do_not_count(tmp_path):
+    """Regression test: frames that have other CONECT than the first one were rejected."""
+    top = written(tmp_path, "top.psf", psf(EDGES))
+    paths = [
+        save(universe(bonds=bonds, cell=None), tmp_path / f"G{k}.pdb", bonds="all")
+        for k, bonds in enumerate((EDGES[1:], EDGES, EDGES[2:]))
+    ]
+    frames = [(frame.counts, frame.rejected) for frame in linkwatch.read(top, *paths)]
+    assert frames == [([-12, -12], None)] * 3
 
 
 @pytest.mark.parametrize("cells", [0, 1, 3])

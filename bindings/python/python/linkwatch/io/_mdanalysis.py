@@ -63,10 +63,12 @@ def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
     mda = library("MDAnalysis", "mdanalysis")
     top, *others = paths
     has_frames = top not in others and _kind(top) in map(_kind, others)
-    if others and not has_frames and _kind(top) in XYZ:
+    if _kind(top) in XYZ and any(_kind(one) in (PDB[0], *TOPOLOGIES) for one in others):
         raise ValueError(f"{top}: a trajectory has no bonds: give its topology before it")
     others, notes = in_order(paths if has_frames else others, options)
-    if others and not has_frames and top.suffix.lower() not in TOPOLOGIES:
+    if has_frames:
+        top = others[0]
+    elif others and top not in others and top.suffix.lower() not in TOPOLOGIES:
         notes.append(f"{top} is the topology: its coordinates are no frames")
     paths = [top, *others]
     # Files of several folders may have the same name.
@@ -158,7 +160,7 @@ def frames_of_atoms(
 
     def scenes(trajectory: Any = trajectory) -> Iterator[Scene]:
         frames = iter(trajectory)
-        passed_over = PassedOver(universe.trajectory)
+        passed_over = PassedOver(universe)
         read = 0
         while True:
             try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import struct
@@ -39,8 +40,9 @@ OTHER_IDS = "the ids of its atoms are not those of the first frame, each once"
 class PassedOver:
     """For the current frame of a trajectory: its cell, the order of its atoms, and its bonds."""
 
-    def __init__(self, trajectory: Any) -> None:
-        self._trajectory = trajectory
+    def __init__(self, universe: Any) -> None:
+        self._trajectory = universe.trajectory
+        self._topology = Path(str(universe.filename))
         self._ids: Array | None = None
         self._bonds: Array | None = None
         # By reader: the cell of a PDB file, and whether a file begins with other bonds.
@@ -147,13 +149,14 @@ class PassedOver:
         return order
 
     def has_other_bonds(self, now: Any) -> bool:
-        """Returns whether a GSD or PDB file has other bonds than the first frame of all."""
+        """Returns whether a GSD file has other bonds than the first frame of all, or a PDB file
+        than the topology, if that is a PDB file as well."""
         reader, frame = self._reader(now)
         kind = getattr(reader, "format", "")
         if "PDB" in kind:
             if id(reader) not in self._begins:
-                first = getattr(self._trajectory, "readers", [reader])[0]
-                both = [] if reader is first else [_conects(reader), _conects(first)]
+                path = Path(str(reader.filename))
+                both = [] if path == self._topology else [_conects(path), self._conects]
                 self._begins[id(reader)] = len(both) == 2 and all(both) and both[0] != both[1]
             return self._begins[id(reader)]
         if kind != "GSD":
@@ -169,6 +172,11 @@ class PassedOver:
         if id(reader) not in self._begins:
             self._begins[id(reader)] = not np.array_equal(_bonds(reader, 0), self._bonds)
         return self._begins[id(reader)]
+
+    @functools.cached_property
+    def _conects(self) -> set[tuple[str, ...]]:
+        """Bonds of the topology, if it is a PDB file."""
+        return _conects(self._topology)
 
     def _reader(self, now: Any) -> tuple[Any, int]:
         """Returns the reader of the frame, and the number of the frame in its file."""
@@ -228,9 +236,8 @@ def _bonds(reader: Any, frame: int) -> Array:
     return np.unique(np.sort(reader._file[frame].bonds.group, axis=1), axis=0)
 
 
-def _conects(reader: Any) -> set[tuple[str, ...]]:
+def _conects(path: Path) -> set[tuple[str, ...]]:
     """Returns the pairs of serial numbers that CONECT of a PDB file names."""
-    path = Path(str(reader.filename))
     if path.suffix.lower() not in PDB or not path.is_file():
         return set()
     found: set[tuple[str, ...]] = set()
