@@ -164,6 +164,17 @@ def test_a_frame_of_other_curves_is_rejected_alone():
     run = linkwatch.check(published, radius="published")
     assert [row["verdict"] for row in run.frames] == rejected
     assert run.frames[1]["rejected"].startswith("other radii than before: give a fixed radius")
+    # Regression test: all later frames were rejected after other names, or open curves, as well.
+    for change in ({"names": ["a", "b"]}, {"closed_by_default": True}):
+        described = [replace(frame, radii=[]) for frame in published]
+        described[1] = replace(described[1], **change)
+        run = linkwatch.check(described)
+        assert [row["verdict"] for row in run.frames] == rejected
+        assert run.frames[1]["rejected"].startswith("the curves were described again, but have no")
+    # The curves of a first frame that is rejected do not count.
+    nothing = described[1].invalid("no file")
+    run = linkwatch.check([nothing, *described[2:]])
+    assert [row["verdict"] for row in run.frames] == ["rejected", *rejected[2:]]
     named = [replace(frame, names=["a", "b"]) for frame in published]
     assert linkwatch.check(named, radius="published").frames[1]["verdict"] == "intact"
 

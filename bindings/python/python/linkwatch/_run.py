@@ -549,11 +549,16 @@ class Checker:
         if frame.basis != self._basis:
             raise ValueError(f"frame {frame.seq} has the basis {frame.basis}, not {self._basis}")
         raw = self.session._session
-        _, names, of_curves, _ = self._described or (None, frame.names, radii, None)
-        if not frame.names and not names and radii != of_curves:
+        known = self._verified
+        _, names, of_curves, by_default = known or (None, [], radii, False)
+        if known and not names and known[1:] != (frame.names, radii, frame.closed_by_default):
             # Curves without names that are described again are other ones.
-            why = "other radii than before: give a fixed radius, or name the curves"
-            frame, radii = frame.invalid(frame.rejected or why), of_curves
+            why = "the curves were described again, but have no names to compare them by: give "
+            why += "each curve a name from the first frame on"
+            if not frame.names and radii != of_curves:
+                why = "other radii than before: give a fixed radius, or name the curves"
+            why, radii = frame.rejected or why, of_curves
+            frame = frame.invalid(why, names=[], closed_by_default=by_default)
         counts = frame.counts if frame.names else None
         described = counts, frame.names, radii, frame.closed_by_default
         if described != self._described:
