@@ -207,7 +207,7 @@ def _verify(part: Any, options: dict[str, Any], state: Any, assumed: bool) -> An
         if not assumed:
             raise
         # The chunk is verified again, from the state after the previous one.
-        return checker.run, None, None, None
+        return None, None, None, None
     return checker.run, before, *checker.state()
 
 
