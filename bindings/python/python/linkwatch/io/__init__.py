@@ -129,8 +129,9 @@ def _unpacked(path: Path, folder: Path) -> Path:
     open_it = COMPRESSED.get(path.suffix.lower())
     if open_it is None:
         return path
-    # Files of several folders may have the same name, and the numbers of folders count.
-    place = path.absolute()
+    # Files of several folders may have the same name, and the numbers in the names of folders
+    # decide the order.
+    place = Path(os.path.abspath(path))
     plain = folder / place.relative_to(place.anchor) / path.stem
     plain.parent.mkdir(parents=True, exist_ok=True)
     try:
