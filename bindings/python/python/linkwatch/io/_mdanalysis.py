@@ -49,7 +49,7 @@ COUNTED = ("steps of the simulation", "frames")
 
 def read(paths: Sequence[Path], options: Options) -> Frames:
     """Opens a topology and trajectories; the first file is the topology. Its coordinates are frames
-    as well if a later file has the same kind."""
+    as well if a later file has the same kind: then the files are sorted before."""
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="linkwatch-")))
         frames = _opened(paths, options, folder)
