@@ -361,6 +361,9 @@ def test_files_of_the_package_have_the_general_options(tmp_path):
     assert code == 0 and len(linkwatch.read(archive)) == 1, err
     code, out, err = run("convert", *paths, archive, "--frame=2", "--force")
     assert code == 2 and "no frame 2" in err, err
+    # Regression test: all frames were written.
+    code, out, err = run("convert", *paths, archive, "--fram", "1", "--force")
+    assert code == 2 and "--fram" in err, (code, err)
     words = [str(COMMAND), "check", "--", *(path.name for path in paths)]
     assert subprocess.run(words, cwd=tmp_path, timeout=PATIENCE).returncode == 0
     code, out, err = run("--json", "measure", "writhe", paths[0])
@@ -442,6 +445,11 @@ def test_compressed_files_are_unpacked(tmp_path, suffix):
     assert len(linkwatch.read(path, other, path)) == 3
     code, out, err = run("check", path, other)
     assert code == 0 and "2 frames verified" in out, (out, err)
+    # Regression test: a file was written outside the temporary folder.
+    folder = tmp_path / "folder"
+    around = tmp_path.joinpath(*[".."] * 30, *tmp_path.parts[1:], path.name)
+    (found,) = io.unpacked([around], folder)
+    assert folder.resolve() in found.resolve().parents
     path.write_bytes(path.read_bytes()[:40])
     with pytest.raises(ValueError, match=f"a.obj.{suffix}: "):
         linkwatch.read(path)
@@ -1009,6 +1017,10 @@ def test_the_command_checks_all_frames_if_curves_change(tmp_path):
     code, out, err = run("certify", *files, "--frame=0..1")
     assert code == 0 and "frame 1" in out and "frame 2" not in out, (out, err)
     assert "no frame 9" in run("certify", *files, "--frame=9")[2]
+    # Regression test: the error did not say what to do.
+    code, out, err = run("convert", "--json", *files, tmp_path / "a.npz")
+    assert (code, out) == (2, "") and "convert without --json, which writes further files" in err
+    assert run("convert", *files, tmp_path / "a.npz")[0] == 0 and (tmp_path / "a-2.npz").exists()
 
 
 def test_a_check_keeps_curves_open_that_the_reader_keeps_open(tmp_path):

@@ -85,7 +85,8 @@ def _main() -> int:
 
 
 def _in_place(args: list[str]) -> list[str]:
-    """Returns arguments with the subcommand first, and names of files that begin with no dash."""
+    """Returns arguments with the subcommand first, and ``./`` before names of files after ``--``
+    that begin with a dash."""
     k = 0
     while args[k : k + 1] and (args[k] in GENERAL or args[k].startswith("--threads=")):
         k += 2 if args[k] == "--threads" else 1
@@ -190,7 +191,15 @@ def _run(args: list[str], only: int | None) -> int:
             if args[0] in ("check", "convert"):
                 wanted = {"--one-motion", "--keep-order"}
                 others[1:1] = sorted(wanted - set(others))
-        return command(["linkwatch", *others, *output])
+        code = command(["linkwatch", *others, *output])
+        if code == 2 and more and output[-1:] and not _given(args, "--frame"):
+            if output[-1].lower().endswith(".npz"):
+                print(
+                    "the curves or names change: convert without --json, which writes further "
+                    "files, or give --frame",
+                    file=sys.stderr,
+                )
+        return code
 
 
 def _those_with_the_frame(args: list[str], first: str) -> list[str]:
@@ -287,7 +296,9 @@ def convert(args: list[str], *, says_parts: bool = True, are_runs: bool = False)
 
     formats = " ".join(one.suffixes for one in io.FORMATS)
     parser = argparse.ArgumentParser(
-        "linkwatch convert", description=f"Converts files to .npz: coils.* {formats}"
+        "linkwatch convert",
+        description=f"Converts files to .npz: coils.* {formats}",
+        allow_abbrev=False,
     )
     parser.add_argument("input", metavar="IN", nargs="+", help="files of one motion")
     parser.add_argument("output", metavar="OUT.npz")
