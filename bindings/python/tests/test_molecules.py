@@ -353,9 +353,11 @@ def test_frames_of_the_first_file_are_frames_if_later_files_have_its_kind(tmp_pa
             linkwatch.read(*given)
 
 
-def test_the_topology_of_a_trajectory_may_be_xyz(tmp_path):
+@pytest.mark.parametrize("name", ["a.xyz", "a.dump"])
+def test_the_topology_of_a_trajectory_may_have_no_bonds(tmp_path, name):
     """Regression test: it was refused."""
-    path = written(tmp_path, "a.xyz", extended_xyz([POINTS], "frame"))
+    text = dump([POINTS]) if name == "a.dump" else extended_xyz([POINTS], "frame")
+    path = written(tmp_path, name, text)
     frames = linkwatch.read(path, save(universe(frames=2), tmp_path / "a.dcd"), closed=True)
     assert [frame.counts for frame in frames] == [[-24]] * 2
     assert "the atoms of each residue are a chain" in str(frames.summary)

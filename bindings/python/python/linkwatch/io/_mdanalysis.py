@@ -75,6 +75,7 @@ def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
     copies = {one: folder / str(k) for k, one in enumerate(dict.fromkeys(paths))}
     read = {one: str(as_mdanalysis_reads(one, copy)) for one, copy in copies.items()}
     # MDAnalysis goes by the suffix, of which H5MD and dumps of LAMMPS have several.
+    kind = {"topology_format": "LAMMPSDUMP"} if is_dump(top) else {}
     ways: list[dict[str, Any]] = [{}]
     for path in paths[1:]:
         if is_dump(path):
@@ -94,7 +95,7 @@ def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
         warnings.simplefilter("ignore")
         for way in ways:
             try:
-                universe = mda.Universe(*map(read.get, paths), to_guess=(), **way)
+                universe = mda.Universe(*map(read.get, paths), to_guess=(), **kind, **way)
                 atoms = universe.select_atoms(options.select)
                 trajectory = universe.trajectory
                 break
