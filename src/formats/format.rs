@@ -75,8 +75,8 @@ fn advice_on(folder: &Path) -> String {
 }
 
 impl Format {
-    /// Returns the format of a file by its name, or by its content if the name is not known, or that
-    /// of a file of LAMMPS.
+    /// Returns the format of a file by its name, or by its content if the name is not known, or is
+    /// one of LAMMPS.
     ///
     /// # Errors
     ///

@@ -151,8 +151,8 @@ pub struct Run {
     open_curves: u64,
     /// Number of rejected frames after the last verified one.
     rejected: u64,
-    /// Start of the run, by the clock of the system, which may be set meanwhile, and by one that may
-    /// not.
+    /// Start of the run, by the clock of the system, which may be set meanwhile, and by one that
+    /// nobody sets.
     start: (SystemTime, Instant),
     /// Time that the last frame took to verify.
     last_check: Option<Duration>,

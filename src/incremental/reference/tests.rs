@@ -171,7 +171,8 @@ proptest! {
         // Pairs that are too close to decide remain so.
         let unknown = ledger.first_step(&set, &set, coverage, None).undecided;
         let frame = set.clone().into();
-        let reference = Reference::build(&frame, Arc::new(certificate), 0, coverage, None, &Cancel::default());
+        let (certificate, needed) = (Arc::new(certificate), Cancel::default());
+        let reference = Reference::build(&frame, certificate, 0, coverage, None, &needed);
         let reference = reference.unwrap();
         prop_assert!(reference.allowances.iter().all(|&a| a >= 0.0));
         let [a, b] = [0, 1].map(|k| moved(&curves, &reference, seeds[k], directions[k]));
@@ -204,7 +205,8 @@ proptest! {
         let certificate = Arc::new(Certifier::default().certify(&set).0.clone());
         let coverage = Coverage { self_crossings: false, open_curves: true };
         let frame = set.clone().into();
-        let reference = Reference::build(&frame, certificate, 0, coverage, None, &Cancel::default()).unwrap();
+        let needed = Cancel::default();
+        let reference = Reference::build(&frame, certificate, 0, coverage, None, &needed).unwrap();
         let m = nalgebra::Matrix3::identity() + nalgebra::Matrix3::from_row_slice(&map);
         let affine = Affine::new(m, shift.into());
         prop_assume!(affine.is_some());
@@ -232,7 +234,7 @@ proptest! {
 
 /// Regression test: the list of near segments of a wound ball grew until the memory was exhausted.
 #[test]
-fn a_reference_frame_with_too_many_near_segments_or_without_need_is_given_up() {
+fn a_reference_frame_that_is_too_large_or_not_needed_is_given_up() {
     let scene = "woundball:segments=20000".parse::<crate::scenes::Scene>();
     let scene = scene.unwrap().build().unwrap();
     let certificate = Arc::new(scene.certificate);
