@@ -10,7 +10,7 @@ use crate::kernels::crossings::{Input, Workspaces, linking_numbers};
 use crate::kernels::sums::interval::noise::linking_number as noisy_linking_number;
 use crate::kernels::{Accuracy, Counted, GpuUse, Linking, Method};
 use crate::pairs::{LinkSearch, Pair, Trees, curves_of, degenerate_curves, most_suspect_first};
-use crate::verdict::{Defect, Link, Stats};
+use crate::verdict::{Link, Stats};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -177,7 +177,8 @@ impl FullRun {
         self.certificate.links.extend(all.links);
         self.certificate.undefined.extend(all.undefined);
         let undefined = &mut self.certificate.undefined;
-        Defect::sort(undefined);
+        // Without memory of its own. No two of them have the same curves.
+        undefined.sort_unstable_by_key(|d| (d.i, d.j));
         stats
     }
 
@@ -334,7 +335,7 @@ fn gather(parts: &[Counted], certificate: &mut Certificate, stats: &mut Stats) {
         stats.add(&part.stats);
     }
     // The keys are distinct.
-    Defect::sort(&mut certificate.undefined);
+    certificate.undefined.sort_unstable_by_key(|d| (d.i, d.j));
 }
 
 /// Returns the sizes of a frame.
