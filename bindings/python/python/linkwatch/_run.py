@@ -549,16 +549,20 @@ class Checker:
         if frame.basis != self._basis:
             raise ValueError(f"frame {frame.seq} has the basis {frame.basis}, not {self._basis}")
         raw = self.session._session
-        known = self._verified
-        _, names, of_curves, by_default = known or (None, [], radii, False)
-        if known and not names and known[1:] != (frame.names, radii, frame.closed_by_default):
-            # Curves without names that are described again are other ones.
-            why = "the curves were described again, but have no names to compare them by: give "
-            why += "each curve a name from the first frame on"
+        if self._verified and not self._verified[1]:
+            # Curves without names cannot be described again.
+            _, _, of_curves, by_default = self._verified
+            why = None
             if not frame.names and radii != of_curves:
                 why = "other radii than before: give a fixed radius, or name the curves"
-            why, radii = frame.rejected or why, of_curves
-            frame = frame.invalid(why, names=[], closed_by_default=by_default)
+            elif frame.names or frame.closed_by_default != by_default:
+                why = (
+                    "the curves were described again, but have no names to compare them by: give "
+                    "each curve a name from the first frame on"
+                )
+            if why is not None:
+                radii, why = of_curves, frame.rejected or why
+                frame = frame.invalid(why, names=[], closed_by_default=by_default)
         counts = frame.counts if frame.names else None
         described = counts, frame.names, radii, frame.closed_by_default
         if described != self._described:
