@@ -356,7 +356,7 @@ impl Client {
             let (port, node) = (sample.header().publisher_id(), sample.header().node_id());
             drop(sample);
             let mut message = wire.read()?;
-            // The watcher repeats an abort.
+            // The watcher repeats an abort, also when the names of that frame are forgotten.
             let repeated = self
                 .aborted
                 .as_ref()

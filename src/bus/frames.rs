@@ -75,8 +75,8 @@ pub(super) struct Frames {
     layout: Option<Layout>,
     /// Number of layouts that were declared.
     layouts: u32,
-    /// Different names of curves, each with the number of its first frame, from the last frame on
-    /// that has a verdict.
+    /// The names of the curves, with the number of the first frame that has them. Names that were
+    /// replaced before the last frame with a verdict are forgotten.
     names: VecDeque<(u64, Arc<[String]>)>,
     /// Time step of the simulator in seconds; 0 if it is unknown.
     pub time_step: f64,

@@ -57,7 +57,8 @@ const OTHERS: &str = "\
     arclength curvature diameter fx fy fz i id index length mass n nx ny nz point r radius s \
     species temperature torsion tx ty tz type vertex vx vy vz w weight width";
 
-/// Those of them that number the points, besides the index of pandas, which has no name.
+/// Names of those columns that number the points. So does a first column without a name, the index
+/// that pandas writes.
 const NUMBERS: &str = "i id index n point vertex";
 
 /// Names of coordinates, of any system.
@@ -135,7 +136,7 @@ struct Columns {
     /// Columns of x, y and z.
     at: [usize; 3],
     group: Option<usize>,
-    /// Those that number the points, if no column groups them.
+    /// Columns that number the points. None if a column groups the points.
     numbers: Vec<usize>,
 }
 
@@ -491,6 +492,7 @@ impl<R: BufRead> Points<R> {
                         let what = format!("a point after the {n} of its frame");
                         return Err(self.lines.bad(what));
                     }
+                    // The caller divides the points.
                     if self.options.counts.is_some() {
                         numbers.clear();
                     }

@@ -293,8 +293,9 @@ impl Replay<'_> {
         let restarted = last.is_some() && std::mem::take(&mut self.restarted);
         let thinned = last.is_some() && std::mem::take(&mut self.thinned);
         if restarted && self.run.tally.verified > 1 {
-            // The recorded run searched the steps between frames that were left out, with its own
-            // options. If none was, it began again itself: it started late.
+            // The recorded run searched the steps over frames that were left out, with its own
+            // options. If no frame was left out, its watch started late, and did not search the
+            // step to this frame.
             let is_late = gap.frames == 0 && !thinned;
             let is_gap = is_late || !self.comparison.differing.is_empty();
             self.run.sum.gaps += u64::from(is_gap);

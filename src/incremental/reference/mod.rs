@@ -56,8 +56,8 @@ pub(super) struct Reference {
 
 impl Reference {
     /// Builds a reference frame from a frame and its linking numbers: for the pairs of a filter, or
-    /// for all. Returns `None` if too many of its segments are near one another: the memory for
-    /// them is limited.
+    /// for all. Returns `None` if it is cancelled, or if too many of its segments are near one
+    /// another: the memory for them is limited.
     pub fn build(
         subject: &Frame,
         certificate: Arc<Certificate>,
@@ -66,13 +66,13 @@ impl Reference {
         filter: Option<&PairFilter>,
         cancel: &Cancel,
     ) -> Option<Reference> {
-        let ends = (MOST_NEAR, cancel);
-        Reference::build_until(ends, subject, certificate, frame, (coverage, filter))
+        let limit = (MOST_NEAR, cancel);
+        Reference::build_within(limit, subject, certificate, frame, (coverage, filter))
     }
 
     /// [`Reference::build`] with at most this number of near pairs of blocks.
-    fn build_until(
-        ends: (usize, &Cancel),
+    fn build_within(
+        limit: (usize, &Cancel),
         subject: &Frame,
         certificate: Arc<Certificate>,
         frame: u64,
@@ -84,7 +84,7 @@ impl Reference {
         let covered = Covered::new(&set, coverage);
         trees.refit(covered);
         let sample = Sample::new(&given, coverage.open_curves);
-        let allowances = Allowances::new(covered, &trees, filter, ends);
+        let allowances = Allowances::new(covered, &trees, filter, limit);
         let (mut allowances, neighbours) = allowances.fill(&certificate)?;
         if let Some(images) = &images {
             allowances = least_of_images(&allowances, &set, images, &given);

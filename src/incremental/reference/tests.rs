@@ -240,7 +240,7 @@ fn a_reference_frame_that_is_too_large_or_not_needed_is_given_up() {
     let certificate = Arc::new(scene.certificate);
     let build = |most, cancel: &Cancel| {
         let (set, certificate) = (scene.curves.clone(), Arc::clone(&certificate));
-        Reference::build_until(
+        Reference::build_within(
             (most, cancel),
             &set.into(),
             certificate,
