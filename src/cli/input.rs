@@ -114,11 +114,16 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
             [first, second, third, .., last] => format!("{first}, {second}, {third} .. {last}"),
             all => all.join(", "),
         };
-        let why = match is_sorted {
-            true => "models are sorted by the numbers in their names",
-            false => "digits after a point in the names of models are decimals",
-        };
-        tracing::warn!("{why}: {shown} (--keep-order keeps the given order)");
+        match is_sorted {
+            true => tracing::warn!(
+                "models are sorted by the numbers in their names: {shown} (--keep-order keeps the \
+                 given order)"
+            ),
+            false => tracing::warn!(
+                "digits after a point in the names of models are decimals: {shown} (if they are \
+                 not, give the files in their order, with --keep-order)"
+            ),
+        }
     }
     Ok(files)
 }
