@@ -1,7 +1,7 @@
 //! Formats of model files, and how they are recognized.
 
 use super::frames::{ModelFrame, ReadOptions, Source};
-use super::input::BYTE_ORDER_MARK;
+use super::input::{BYTE_ORDER_MARK, is_utf16};
 #[cfg(feature = "mcap")]
 use super::mcap;
 use super::{MODEL_FILES, bcc, lammps, numpy, obj, open, open_text, points, vect, xyz};
@@ -111,6 +111,8 @@ impl Format {
         let start = lines.unwrap_or(start);
         let start = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start);
         lammps::format_of(start)
+            // Its reader says what to do.
+            .or_else(|| is_utf16(start).then_some(Format::Points))
             .or_else(|| xyz::begins(start).then_some(Format::Xyz))
             .or_else(|| points::begins(start).then_some(Format::Points))
     }

@@ -40,10 +40,24 @@ pub(super) fn open(path: &Path) -> Result<Input<BufReader<Take<File>>>> {
 /// Mark at the start of a text file, which some programs write.
 pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
+/// Marks at the start of text in UTF-16, as PowerShell and spreadsheets write it.
+pub(super) fn is_utf16(start: &[u8]) -> bool {
+    start.starts_with(b"\xff\xfe") || start.starts_with(b"\xfe\xff")
+}
+
 /// Opens a text file after its byte order mark.
+///
+/// # Errors
+///
+/// The text is not in UTF-8.
 pub(super) fn open_text(path: &Path) -> Result<Input<BufReader<Take<File>>>> {
     let mut input = open(path)?;
-    if input.bytes.fill_buf()?.starts_with(BYTE_ORDER_MARK) {
+    let start = input.bytes.fill_buf()?;
+    if is_utf16(start) {
+        let what = "the file is in UTF-16: save it as UTF-8 (`iconv -f UTF-16 -t UTF-8`)";
+        return Err(Error::unsupported("text", what));
+    }
+    if start.starts_with(BYTE_ORDER_MARK) {
         input.bytes.consume(BYTE_ORDER_MARK.len());
         input.len -= BYTE_ORDER_MARK.len() as u64;
     }

@@ -274,6 +274,18 @@ fn names_of_lammps_files_may_be_those_of_other_files() {
 }
 
 #[test]
+fn text_in_utf_16_is_refused_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "1 0 0\n2 0 0\n".encode_utf16().flat_map(u16::to_le_bytes);
+    let bytes: Vec<u8> = [0xFF, 0xFE].into_iter().chain(text).collect();
+    for name in ["a.txt", "a", "a.obj", "data.csv", "a.xyz"] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, &bytes).unwrap();
+        assert_error_contains(read(&path), "the file is in UTF-16: save it as UTF-8");
+    }
+}
+
+#[test]
 fn errors_name_the_formats_that_are_written() {
     for (name, expected) in [
         (

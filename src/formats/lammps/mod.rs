@@ -145,13 +145,22 @@ fn read_bonds(path: &Path) -> Result<Curves> {
 }
 
 /// Returns the data file that belongs to a dump by its name, if there is one: `melt.data` (or
-/// `.lmp`, `.lammps`) beside `melt.dump`, or `data.melt` beside `dump.melt`.
+/// `.lmp`, `.lammps`) beside `melt.dump`, or `data.melt` beside `dump.melt`. A script of LAMMPS with
+/// such a name is none.
 pub(super) fn beside(dump: &Path) -> Option<PathBuf> {
     let named = DATA.map(|extension| dump.with_extension(extension));
     let prefixed = (dump.file_name().and_then(OsStr::to_str))
         .and_then(|name| name.strip_prefix("dump."))
         .map(|rest| dump.with_file_name(format!("data.{rest}")));
-    (prefixed.into_iter().chain(named)).find(|path| path.is_file() && path != dump)
+    let is_data = |path: &PathBuf| {
+        let known = Format::of_content(path) == Some(Format::LammpsData);
+        if !known && path.is_file() && path != dump {
+            let path = path.display();
+            tracing::warn!("{path} is no data file of LAMMPS: the bonds are not read from it");
+        }
+        known
+    };
+    prefixed.into_iter().chain(named).find(is_data)
 }
 
 /// Returns the format of a file of LAMMPS by its first bytes.

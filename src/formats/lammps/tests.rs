@@ -253,9 +253,11 @@ fn the_bonds_of_a_dump_come_from_the_option_or_the_file_beside_it() {
         ("dump.melt", "data.melt"),
         ("dump.0.melt", "data.0.melt"),
     ] {
-        let data = folder.path().join(data);
-        std::fs::write(&data, "").unwrap();
-        assert_eq!(super::beside(&folder.path().join(dump)), Some(data));
+        let (data, dump) = (folder.path().join(data), folder.path().join(dump));
+        std::fs::write(&data, "a script\nunits lj\natom_style bond\n").unwrap();
+        assert_eq!(super::beside(&dump), None);
+        std::fs::write(&data, "a title\n\n3 atoms\n").unwrap();
+        assert_eq!(super::beside(&dump), Some(data));
     }
 }
 
