@@ -281,7 +281,7 @@ impl Edges {
         let ties = [(of_q, p, q), (of_p, q, p)].into_iter().flat_map(ties);
         let mut ties = ties.peekable();
         if ties.peek().is_some() {
-            if segments_touch(p[0], p[1], q[0], q[1], &mut predicates) {
+            if segments_touch(&[p, q]) {
                 return Err(Stop::Contact(edges));
             }
             return match ties.all(|points| are_collinear(points, &mut predicates)) {

@@ -26,27 +26,17 @@ fn split(x: f64) -> Option<(i64, i32)> {
     Some((signed, exponent.max(1) + zeros as i32))
 }
 
-/// Returns the smallest exponent of the numbers, or `None` if all are 0.
-fn lowest(values: &[f64]) -> Option<i32> {
-    let exponents = values.iter().filter_map(|&x| split(x)).map(|(_, e)| e);
-    exponents.min()
-}
-
-/// Returns a number in units of this power of two.
-fn integer(x: f64, lowest: Option<i32>) -> BigInt {
-    match (split(x), lowest) {
-        (Some((mantissa, exponent)), Some(lowest)) => BigInt::from(mantissa) << (exponent - lowest),
-        _ => BigInt::ZERO,
-    }
-}
-
 /// Returns points whose coordinates are sums as integers in units of a common power of two: the
 /// largest one possible, so that the integers stay short.
 pub(super) fn points<const N: usize>(points: [SumPoint; N]) -> [BigPoint; N] {
-    let lowest = lowest(points.as_flattened().as_flattened());
+    let all = points.as_flattened().as_flattened().iter();
+    // Without an exponent, all numbers are 0.
+    let lowest = all.filter_map(|&x| split(x)).map(|(_, e)| e).min();
+    let lowest = lowest.unwrap_or(0);
     let sum = |terms: [f64; TERMS]| {
-        let terms = terms.iter().filter(|x| **x != 0.0);
-        terms.map(|&x| integer(x, lowest)).sum()
+        let terms = terms.into_iter().filter_map(split);
+        let terms = terms.map(|(mantissa, e)| BigInt::from(mantissa) << (e - lowest));
+        terms.sum()
     };
     points.map(|p| p.map(sum))
 }

@@ -22,8 +22,9 @@
 //!    share a vertex get the same sign for it, so no half-open intervals are needed.
 
 use super::big::{self, BigPredicates};
+use super::passage::Edges;
 use super::predicates::{ORIENT2D_BOUND, Orientation, Predicates, UNDERFLOW, volume};
-use crate::curve::{Point, SumEdges};
+use crate::curve::SumEdges;
 use std::cmp::Ordering;
 
 /// Result for an upper and a lower segment.
@@ -65,22 +66,15 @@ fn side<O: Orientation>(
     translation * tie
 }
 
-/// Returns the crossing of segment `t0 t1`, whose passages over the other segment are counted, with
-/// `u0 u1`, seen against the axis `w`.
+/// Returns the crossing of the first segment, whose passages over the other one are counted, with
+/// the second one, seen against the axis `w`.
 ///
 /// The sum of the signs over all segment pairs of two disjoint loops is their linking number, with
 /// the sign of the sum in Arai 2013. The crossings in which the first loop is below sum up to the
 /// same number, so only those above are counted.
 #[inline]
-pub(crate) fn crossing(
-    t0: Point,
-    t1: Point,
-    u0: Point,
-    u1: Point,
-    w: usize,
-    predicates: &mut Predicates,
-) -> Crossing {
-    crossing_by([&t0, &t1], [&u0, &u1], w, predicates)
+pub(crate) fn crossing([t, u]: &Edges, w: usize, predicates: &mut Predicates) -> Crossing {
+    crossing_by([&t[0], &t[1]], [&u[0], &u[1]], w, predicates)
 }
 
 /// [`crossing`] of two segments whose coordinates are sums, in big integers.
@@ -270,19 +264,19 @@ mod tests {
 
     #[test]
     fn only_the_upper_segment_has_a_crossing() {
-        let (t0, t1) = ([-1.0, 0.0, 1.0], [1.0, 0.0, 1.0]);
-        let (u0, u1) = ([0.0, -1.0, 0.0], [0.0, 1.0, 0.0]);
+        let t = [[-1.0, 0.0, 1.0], [1.0, 0.0, 1.0]];
+        let u = [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
         let mut p = Predicates::default();
-        assert_eq!(crossing(t0, t1, u0, u1, 2, &mut p), Crossing::Over(1));
-        assert_eq!(crossing(u0, u1, t0, t1, 2, &mut p), Crossing::None);
-        assert_eq!(crossing(t1, t0, u0, u1, 2, &mut p), Crossing::Over(-1));
+        assert_eq!(crossing(&[t, u], 2, &mut p), Crossing::Over(1));
+        assert_eq!(crossing(&[u, t], 2, &mut p), Crossing::None);
+        assert_eq!(crossing(&[[t[1], t[0]], u], 2, &mut p), Crossing::Over(-1));
         assert_eq!(p.exact, 0);
     }
 
     #[test]
     fn segments_that_share_inner_points_are_in_contact() {
-        let (t0, t1) = ([-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]);
-        let (u0, u1) = ([0.0, -1.0, 0.0], [0.0, 1.0, 0.0]);
+        let t = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
+        let u = [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
         let mut p = Predicates::default();
         for w in 0..3 {
             // Along x and y, one segment projects to a point: no crossing there, contact only along
@@ -292,7 +286,7 @@ mod tests {
             } else {
                 Crossing::None
             };
-            assert_eq!(crossing(t0, t1, u0, u1, w, &mut p), want);
+            assert_eq!(crossing(&[t, u], w, &mut p), want);
         }
     }
 
@@ -302,11 +296,11 @@ mod tests {
         // the crossing.
         let bend = [[-1.0, -1.0, 1.0], [0.0, 0.0, 1.0], [1.0, -1.0, 1.0]];
         let through = [[-1.0, -1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]];
-        let (u0, u1) = ([-2.0, 0.0, 0.0], [2.0, 0.0, 0.0]);
+        let u = [[-2.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
         let mut p = Predicates::default();
         let mut count = |v: &[[f64; 3]; 3]| {
             v.windows(2)
-                .map(|e| match crossing(e[0], e[1], u0, u1, 2, &mut p) {
+                .map(|e| match crossing(&[[e[0], e[1]], u], 2, &mut p) {
                     Crossing::Over(s) => s,
                     _ => 0,
                 })
@@ -345,13 +339,16 @@ mod tests {
                         }
                         p
                     });
-                    match crossing(p0, p1, q0, q1, w, &mut Predicates::default()) {
+                    let edges = [[p0, p1], [q0, q1]];
+                    match crossing(&edges, w, &mut Predicates::default()) {
                         Crossing::Over(s) => (sum, crossings) = (sum + s, crossings + 1),
                         Crossing::None => {}
                         Crossing::Contact => panic!("the batch decided a contact"),
                     }
-                    let touch = segments_touch(p0, p1, q0, q1, &mut Predicates::default());
-                    assert!(!touch, "segments in contact need exact arithmetic");
+                    assert!(
+                        !segments_touch(&edges),
+                        "segments in contact need exact arithmetic"
+                    );
                 }
                 assert_eq!((out.sum, out.crossings), (sum, crossings));
             }

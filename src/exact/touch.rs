@@ -1,10 +1,11 @@
 //! Exact test for contact: two segments in space that share a point.
 
 use super::big::{self, BigPredicates};
+use super::passage::Edges;
 use super::predicates::{Orientation, Predicates};
-use crate::curve::{Point, SumEdges};
+use crate::curve::SumEdges;
 
-/// Returns true if the closed segments `p0 p1` and `q0 q1` share a point.
+/// Returns true if two closed segments share a point.
 ///
 /// # Proof: segments meet if and only if they are coplanar and their projections meet along all
 /// three axes
@@ -13,14 +14,8 @@ use crate::curve::{Point, SumEdges};
 /// Conversely, let four points lie in a plane (or on a line), and take an axis that is not parallel
 /// to it. The projection along that axis is one-to-one on the plane, so projections that meet
 /// belong to segments that meet.
-pub(crate) fn segments_touch(
-    p0: Point,
-    p1: Point,
-    q0: Point,
-    q1: Point,
-    predicates: &mut Predicates,
-) -> bool {
-    touch_by([&p0, &p1], [&q0, &q1], predicates)
+pub(crate) fn segments_touch([p, q]: &Edges) -> bool {
+    touch_by(p.each_ref(), q.each_ref(), &mut Predicates::default())
 }
 
 /// [`segments_touch`] for two segments whose coordinates are sums, in big integers.
@@ -73,13 +68,7 @@ mod tests {
         let mut answers = Vec::new();
         // The result depends neither on the order of the segments nor on their directions.
         for (a, b, c, d) in [(0, 1, 2, 3), (1, 0, 2, 3), (2, 3, 0, 1), (3, 2, 1, 0)] {
-            answers.push(segments_touch(
-                q[a],
-                q[b],
-                q[c],
-                q[d],
-                &mut Predicates::default(),
-            ));
+            answers.push(segments_touch(&[[q[a], q[b]], [q[c], q[d]]]));
         }
         assert!(
             answers.windows(2).all(|w| w[0] == w[1]),

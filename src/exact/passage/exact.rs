@@ -1,8 +1,7 @@
 //! Passages in exact arithmetic, with the translation rule for ties.
 
 use super::super::big::{self, BigPoint, BigPredicates};
-use super::super::touch::touch_by;
-use super::super::{Predicates, segments_touch};
+use super::super::touch::{segments_touch, touch_by};
 use super::polynomial::{Dyadic, Interval, Polynomial, Root};
 use super::ring::{Infinitesimal, Ring};
 use super::{Edges, Moment, Ties};
@@ -175,7 +174,7 @@ pub(super) struct Event {
 pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Event>> {
     let point = |k: usize| [before, after].iter().all(|e| e[k][0] == e[k][1]);
     let at_rest = before == after || point(0) || point(1);
-    let contact = [before, after].map(touch);
+    let contact = [before, after].map(segments_touch);
     events_of(contact, at_rest, || MovingEdges::new(before, after), ties)
 }
 
@@ -277,11 +276,6 @@ fn events_of(
         found.push(at_end(1, net_passages(&end)));
     }
     Some(found)
-}
-
-/// Returns true if two edges share a point.
-pub(super) fn touch([[a, b], [c, d]]: &Edges) -> bool {
-    segments_touch(*a, *b, *c, *d, &mut Predicates::default())
 }
 
 /// Returns the coefficient of the lowest power of `e` that occurs.

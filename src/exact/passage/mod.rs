@@ -102,6 +102,7 @@ mod ring;
 #[cfg(test)]
 mod tests;
 
+use super::segments_touch;
 use crate::curve::vector::{dot, half_difference, mix, per_axis, two_sum};
 use crate::curve::{Point, SumEdges, SumPoint, TERMS};
 
@@ -180,7 +181,7 @@ pub(crate) fn passages_of_sums(
     if filter::apart(before, after, rounding) {
         return Decided::Apart;
     }
-    if rounding == 0.0 && before == after && !exact::touch(before) {
+    if rounding == 0.0 && before == after && !segments_touch(before) {
         return Decided::Certified;
     }
     if let Some(found) = filter::passages(before, after, rounding) {

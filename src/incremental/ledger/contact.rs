@@ -25,7 +25,7 @@
 
 use super::outcome::Outcome;
 use crate::curve::{Curve, CurveSet};
-use crate::exact::{Predicates, segments_touch};
+use crate::exact::segments_touch;
 use crate::pairs::{Pair, closest_of_segments};
 use crate::verdict::{Defect, DefectKind, PullThrough};
 use serde::{Deserialize, Serialize};
@@ -317,8 +317,6 @@ fn connected((i, j): Pair, a: [u32; 2], b: [u32; 2], set: &CurveSet) -> bool {
             _ => None,
         }
     };
-    let (Some([p, q]), Some([r, s])) = (common(0), common(1)) else {
-        return false;
-    };
-    segments_touch(p, q, r, s, &mut Predicates::default())
+    let points = common(0).zip(common(1));
+    points.is_some_and(|(p, q)| segments_touch(&[p, q]))
 }

@@ -8,8 +8,7 @@ use super::pieces::{Cuts, MovingBoxes, PIECES, ROUNDS, Vertex};
 use crate::curve::{Parts, Point, SumEdges, point_at};
 use crate::discretize::{pieces_between, pieces_within};
 use crate::exact::{
-    Decided, Edges, Moment, Passage, Predicates, Ties, equal_sums, passages_of_sums,
-    segments_touch, sums_touch,
+    Decided, Edges, Moment, Passage, Ties, equal_sums, passages_of_sums, segments_touch, sums_touch,
 };
 use crate::verdict::PullThrough;
 use std::ops::ControlFlow;
@@ -325,10 +324,7 @@ impl Task<'_> {
         // Ends: of the first edge, then of the second one.
         let on_other = |side: usize, end: usize| match &exact {
             Some(sums) => sums_touch([[sums[side][end]; 2], sums[1 - side]]),
-            None => {
-                let (p, [q, r]) = (edges[side][end], edges[1 - side]);
-                segments_touch(p, p, q, r, &mut Predicates::default())
-            }
+            None => segments_touch(&[[edges[side][end]; 2], edges[1 - side]]),
         };
         let curve = self.step.frames[0].curve(self.curves[0]);
         let last = curve.segments - 1;

@@ -5,7 +5,7 @@ use super::gather::Task;
 use crate::curve::{Knots, Point, ReadKnots, bounds};
 use crate::discretize::{Sieve, Splits, pieces_between};
 use crate::exact::{
-    Batch, BatchOutcome, Crossing, Predicates, crossing, crossing_of_sums, segments_touch,
+    Batch, BatchOutcome, Crossing, Edges, Predicates, crossing, crossing_of_sums, segments_touch,
     sums_touch,
 };
 use crate::simd::dispatch_wide;
@@ -133,15 +133,15 @@ impl SignedCount {
     /// projections meet. So floating point proves neither that they are not coplanar nor that one
     /// of them lies on one side of the other, and they always reach this function.
     fn add_segments<K: ReadKnots>(&mut self, task: &Task<'_>, [p, q]: [&K; 2], s: u32, t: u32) {
-        let (p, q) = (edge(p, s), edge(q, t));
+        let edges = [edge(p, s), edge(q, t)];
         let exact = self.stats.exact;
         // The knots are in the frame of the projection, whose last axis is the axis of projection.
-        self.add_edges(p, q, 2, [s, t]);
+        self.add_edges(&edges, 2, [s, t]);
         // Exact calls of the contact test are not counted as exact crossing tests. Splines whose
         // chords share a point are too close, which the discretization reports.
         if self.stats.exact > exact
             && task.input.set.basis().is_polyline()
-            && segments_touch(p.0, p.1, q.0, q.1, &mut Predicates::default())
+            && segments_touch(&edges)
         {
             self.found_contact([s, t]);
         }
@@ -188,7 +188,7 @@ impl SignedCount {
                 let [a, b] = [p, q].map(|piece| sieve.bounds(piece));
                 if !sieve.apart(&a, &b) {
                     self.stats.tests += 1;
-                    self.add_edges((p[0], p[1]), (q[0], q[1]), task.axis, [s, t]);
+                    self.add_edges(&[[p[0], p[1]], [q[0], q[1]]], task.axis, [s, t]);
                 }
                 ControlFlow::Continue(())
             });
@@ -198,10 +198,9 @@ impl SignedCount {
         self.stats.refined += added as u64;
     }
 
-    fn add_edges(&mut self, p: (Point, Point), q: (Point, Point), axis: usize, segments: [u32; 2]) {
+    fn add_edges(&mut self, edges: &Edges, axis: usize, segments: [u32; 2]) {
         let mut predicates = Predicates::default();
-        let crossing = crossing(p.0, p.1, q.0, q.1, axis, &mut predicates);
-        self.add_crossing(crossing, segments);
+        self.add_crossing(crossing(edges, axis, &mut predicates), segments);
         // A test counts once, however many of its determinants are close to zero.
         self.stats.exact += u64::from(predicates.exact > 0);
     }
@@ -230,10 +229,10 @@ fn evaluate_rounded<T: Copy + Into<f64> + From<u8>>(
 
 /// Returns the ends of a segment, widened.
 #[inline]
-fn edge<K: ReadKnots>(knots: &K, s: u32) -> (Point, Point) {
+fn edge<K: ReadKnots>(knots: &K, s: u32) -> [Point; 2] {
     let [u, v, w] = [knots.edge(s, 0), knots.edge(s, 1), knots.edge(s, 2)];
     let end = |k: usize| [u[k].into(), v[k].into(), w[k].into()];
-    (end(0), end(1))
+    [end(0), end(1)]
 }
 
 /// Sieve for runs of an upper and a lower polyline. They have no crossing if the boxes of their

@@ -149,7 +149,7 @@ fn motion_in_one_plane_is_a_tie_only_if_edges_meet() {
     for (from, to, meet) in cases {
         let (before, after) = ([first, from], [first, to]);
         let (decided, all) = collect_exactly(&before, &after, Ties::Report);
-        let contacts = [&before, &after].map(|edges| usize::from(exact::touch(edges)));
+        let contacts = [&before, &after].map(|edges| usize::from(segments_touch(edges)));
         let expected = match meet {
             true => (Decided::Tie, 0),
             false => (Decided::Exact, contacts[0] + contacts[1]),
