@@ -8,6 +8,16 @@ use crate::simd::{LANES, Lanes, dispatch};
 /// Node pairs to visit: node of the first curve, node of the second one.
 pub(crate) type Agenda = Vec<(Node, Node)>;
 
+/// Takes every second node pair out of an agenda, because those at one of its ends have more work
+/// below them.
+pub(crate) fn every_second(agenda: &mut Agenda) -> impl Iterator<Item = (Node, Node)> {
+    let mut taken = true;
+    agenda.extract_if(.., move |_| {
+        taken = !taken;
+        taken
+    })
+}
+
 /// Segment pairs found by a descent: segment of the first curve, segment of the second one.
 #[derive(Debug, Default)]
 pub(crate) struct SegmentPairs {

@@ -19,7 +19,9 @@ pub(crate) use closest::{
     Eight, Nearest, Scale, closest_approach, closest_of_segments, closest_points, nearest,
     squared_distances,
 };
-pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping, overlapping_segments};
+pub(crate) use descent::{
+    Agenda, Query, SegmentPairs, descend, every_second, overlapping, overlapping_segments,
+};
 pub(crate) use filter::{LoopPairs, PairFilter};
 pub(crate) use layout::{Leaves, Node, SMALL};
 pub(crate) use refit::refits_in_parallel;

@@ -5,7 +5,9 @@ use super::pair::Task;
 use super::passages::Findings;
 use super::swept::SweptTree;
 use crate::curve::{Box3, BoxGroup};
-use crate::pairs::{Agenda, BoxTree, Node, Query, SegmentPairs, descend, overlapping};
+use crate::pairs::{
+    Agenda, BoxTree, Node, Query, SegmentPairs, descend, every_second, overlapping,
+};
 use crate::simd::{LANES, Lanes, Portable, dispatch};
 use std::ops::Range;
 use std::sync::atomic::Ordering;
@@ -107,13 +109,7 @@ impl Task<'_> {
                 return;
             }
             if round >= ROUNDS && agenda.len() > 1 {
-                // Every second one, because node pairs at the bottom have more descendants.
-                let mut mine = false;
-                let others = agenda.extract_if(.., |_| {
-                    mine = !mine;
-                    !mine
-                });
-                let others = others.collect();
+                let others = every_second(agenda).collect();
                 return self.visit_both(gathered, [Visit::Agenda, Visit::Agenda], others);
             }
             descend::<L, _, true>(simd, both, query, agenda, candidates, (STEPS, BATCH));

@@ -6,7 +6,7 @@
 
 use super::{Input, Workspace};
 use crate::discretize::Separation;
-use crate::pairs::{Query, SegmentPairs, descend};
+use crate::pairs::{Query, SegmentPairs, descend, every_second};
 use crate::simd::{Lanes, dispatch_wide};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -154,15 +154,7 @@ fn split(task: &Task<'_>, workspace: &mut Workspace) {
     other.count = Default::default();
     other.candidates.clear();
     other.agenda.clear();
-    // Alternating node pairs, because those at the start of the agenda have more work below them.
-    let mut mine = false;
-    workspace.agenda.retain(|&pair| {
-        mine = !mine;
-        if !mine {
-            other.agenda.push(pair);
-        }
-        mine
-    });
+    other.agenda.extend(every_second(&mut workspace.agenda));
     rayon::join(|| resume(task, workspace), || resume(task, &mut other));
     workspace.count.merge(&other.count);
     let (own, others) = (&mut workspace.candidates, &mut other.candidates);
