@@ -145,9 +145,6 @@ pub(crate) fn bspline_knot<T: Real>(a: T, b: T, c: T) -> T {
 /// A cubic segment, given by its four Bezier control points.
 pub(crate) type Bezier = [Point; 4];
 
-/// Smallest and largest coordinates, in double precision.
-pub(crate) type Bounds = (Point, Point);
-
 /// A floating-point type in which bounds are computed.
 pub(crate) trait Real:
     Copy

@@ -12,8 +12,8 @@
 
 use super::MAX_LEVEL;
 use super::halving::{Halving, sort_splits, vertices};
-use super::hulls::{boxes_apart, separation_margin, tight_bounds};
-use crate::curve::{Basis, Bezier, Bounds, CurveSet, Positions, Precision};
+use super::hulls::{separation_margin, tight_bounds};
+use crate::curve::{Basis, Bezier, CurveSet, Point, Positions, Precision, boxes_apart};
 use crate::error::Result;
 use crate::pairs::{LinkSearch, Pair, Trees, closest_of_segments, overlapping_segments};
 use crate::verdict::{Defect, DefectKind};
@@ -49,12 +49,9 @@ pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
     let mut too_close = Vec::new();
     let mut splits: Vec<Vec<(u32, f64)>> = vec![Vec::new(); set.len()];
     if !set.basis().is_polyline() {
-        let refined: Vec<Refined> = pairs
-            .par_iter()
-            .map_init(Halving::default, |halving, &pair| {
-                refine(set, &trees, pair, margin, halving)
-            })
-            .collect();
+        let refine = |halving: &mut _, &pair: &Pair| refine(set, &trees, pair, margin, halving);
+        let refined = pairs.par_iter().map_init(Halving::default, refine);
+        let refined: Vec<Refined> = refined.collect();
         for (&(i, j), refined) in pairs.iter().zip(&refined) {
             overlaps += refined.overlaps;
             passes = passes.max(refined.passes);
@@ -94,7 +91,7 @@ fn refine(
     halving: &mut Halving,
 ) -> Refined {
     let curves = [i as usize, j as usize];
-    let apart = |a: &Bounds, b: &Bounds| boxes_apart(a, b, margin);
+    let apart = |a: &[Point; 2], b: &[Point; 2]| boxes_apart([a, b], 2.0 * margin);
     let mut meeting = overlapping_segments(set, trees, curves[0], curves[1]);
     let whole = |i: usize, s: u32| tight_bounds(&set.segment(i, s as usize));
     meeting.retain(|&(s, t)| !apart(&whole(curves[0], s), &whole(curves[1], t)));

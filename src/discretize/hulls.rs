@@ -1,7 +1,7 @@
 //! Separation of the convex hulls of two cubic segments, by more than rounding errors.
 
 use crate::curve::vector::{add, add_scaled, cross, dot, norm, per_axis, sub};
-use crate::curve::{Bezier, Bounds, Point, larger, pow2, smaller};
+use crate::curve::{Bezier, Point, larger, pow2, smaller};
 
 /// Convex hull of a cubic segment, given by its control points: `points[axis][k]`.
 #[derive(Clone, Copy, Debug)]
@@ -157,19 +157,6 @@ impl Hull {
         apart
     }
 
-    /// Returns two results for a plane with normal `n`: true if this hull is before the plane and
-    /// the other one behind it, and true if it is the other way round. Both hulls are dilated by
-    /// `margin`.
-    #[inline(always)]
-    fn sides_along(&self, other: &Hull, n: Point, margin: f64) -> (bool, bool) {
-        // The constant covers underflow of this product and of those below.
-        let slack = 2.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs()) + 1e-300;
-        let [a, b] = self.heights_of_both(other, n);
-        let ([a_lo, a_hi], [b_lo, b_hi]) = (extent(&a), extent(&b));
-        // Strict comparisons: a zero normal separates nothing.
-        (a_hi + slack < b_lo, b_hi + slack < a_lo)
-    }
-
     /// Returns `n . (p - origin)` for all control points.
     #[inline(always)]
     fn heights(&self, origin: Point, n: Point) -> [f64; 4] {
@@ -223,10 +210,15 @@ fn rise_along<const N: usize>(frames: &[[Hull; 2]; N], n: Point, margin: f64) ->
 /// frame, with the same hull before it.
 #[inline(always)]
 fn apart_along<const N: usize>(frames: [[&Hull; 2]; N], n: Point, margin: f64) -> bool {
+    // The constant covers underflow of this product and of those below.
+    let slack = 2.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs()) + 1e-300;
     let mut sides = [true; 2];
     for [a, b] in frames {
-        let (before, behind) = a.sides_along(b, n, margin);
-        sides = [sides[0] & before, sides[1] & behind];
+        let [a, b] = a.heights_of_both(b, n);
+        let ([a_lo, a_hi], [b_lo, b_hi]) = (extent(&a), extent(&b));
+        // Strict comparisons: a zero normal separates nothing.
+        sides[0] &= a_hi + slack < b_lo;
+        sides[1] &= b_hi + slack < a_lo;
     }
     sides[0] | sides[1]
 }
@@ -245,7 +237,7 @@ fn extent(v: &[f64; 4]) -> [f64; 2] {
 ///
 /// # Derivation
 ///
-/// Let `M = 5/3 max_abs` and `u = 2^-53`. [`Hull::sides_along`] computes `n . (p - o)` with an
+/// Let `M = 5/3 max_abs` and `u = 2^-53`. [`apart_along`] computes `n . (p - o)` with an
 /// error of at most `|n|_1 (2 M u + 3 * 2 M u (1 + u)^3)`: the difference is at most `2 M` and is
 /// rounded once; the scalar product has three terms, each rounded at most three times. The error
 /// counts twice, for the two sides, and the errors of both hulls are added.
@@ -257,7 +249,7 @@ pub(super) fn separation_margin(max_abs: f64, pad: f64) -> f64 {
 
 /// Returns the bounding box of the curve itself, within rounding errors: of its ends and its
 /// extremes.
-pub(super) fn tight_bounds(p: &Bezier) -> Bounds {
+pub(super) fn tight_bounds(p: &Bezier) -> [Point; 2] {
     let (mut lo, mut hi) = ([0.0; 3], [0.0; 3]);
     for x in 0..3 {
         let (a, b, c, d) = (p[0][x], p[1][x], p[2][x], p[3][x]);
@@ -286,12 +278,7 @@ pub(super) fn tight_bounds(p: &Bezier) -> Bounds {
             }
         }
     }
-    (lo, hi)
-}
-
-/// Returns true if two boxes are more than `2 margin` apart along an axis.
-pub(super) fn boxes_apart(a: &Bounds, b: &Bounds, margin: f64) -> bool {
-    (0..3).any(|x| a.1[x] + 2.0 * margin < b.0[x] || b.1[x] + 2.0 * margin < a.0[x])
+    [lo, hi]
 }
 
 #[cfg(test)]
@@ -311,7 +298,7 @@ mod tests {
     proptest! {
         #[test]
         fn tight_boxes_are_tight_and_contain_the_curve(p in bezier()) {
-            let (lo, hi) = tight_bounds(&p);
+            let [lo, hi] = tight_bounds(&p);
             let (mut seen_lo, mut seen_hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
             for k in 0..=2000 {
                 let q = point_at(&p, f64::from(k) / 2000.0);

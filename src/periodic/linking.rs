@@ -22,7 +22,9 @@
 use super::pairs::PointLimit;
 use super::through::RingAndYarn;
 use crate::curve::vector::per_axis;
-use crate::curve::{Basis, Cell, CurveSet, Image, Point, Positions, Translated, bounds};
+use crate::curve::{
+    Basis, Cell, CurveSet, Image, Point, Positions, Translated, bounds, boxes_apart,
+};
 use crate::discretize::{self, Halving, Separation, sort_splits};
 use crate::error::{Error, Result};
 use crate::incremental::{Coverage, Covered};
@@ -196,11 +198,6 @@ impl View {
     }
 }
 
-/// Returns true if boxes are further apart than `slack` along some axis.
-fn apart([a, b]: [&[Point; 2]; 2], slack: f64) -> bool {
-    (0..3).any(|x| a[1][x] + slack < b[0][x] || b[1][x] + slack < a[0][x])
-}
-
 /// Polylines of a whole yarn and of a closed curve; for each edge of the first one the image of the
 /// yarn and the segment, and for each edge of the second one the segment.
 type Polylines = (CurveSet, Vec<(usize, u32)>, Vec<u32>);
@@ -228,9 +225,9 @@ fn split(set: &CurveSet, ring: usize, yarns: &[usize]) -> Result<Polylines, Near
         near.clear();
         close.clear();
         for (s, hull) in hulls(yarn).iter().enumerate() {
-            if !apart([hull, &whole], slack) {
+            if !boxes_apart([hull, &whole], slack) {
                 let others = around.iter().enumerate();
-                let others = others.filter(|(_, other)| !apart([hull, other], slack));
+                let others = others.filter(|(_, other)| !boxes_apart([hull, other], slack));
                 near.extend(others.map(|(t, _)| (t as u32, s as u32)));
             }
         }

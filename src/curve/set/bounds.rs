@@ -47,6 +47,11 @@ pub(crate) fn union(a: [Point; 2], b: [Point; 2]) -> [Point; 2] {
     ]
 }
 
+/// Returns true if two boxes are further apart than `gap` along an axis.
+pub(crate) fn boxes_apart([a, b]: [&[Point; 2]; 2], gap: f64) -> bool {
+    (0..3).any(|x| a[1][x] + gap < b[0][x] || b[1][x] + gap < a[0][x])
+}
+
 /// Returns the bounds of points in the coordinates `row . x`.
 fn bounds_along(points: Positions<'_>, rows: &[Point; 3]) -> [Point; 2] {
     match points {

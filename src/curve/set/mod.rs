@@ -16,10 +16,10 @@ mod segments;
 mod sums;
 mod update;
 
-pub(crate) use super::basis::{Bezier, Bounds, Real, bspline_knot, point_at, sub_segment};
+pub(crate) use super::basis::{Bezier, Real, bspline_knot, point_at, sub_segment};
 pub(crate) use super::cell::{minus, plus};
 pub(crate) use super::labels::CurveChange;
-pub(crate) use bounds::{AXES, bounds, union};
+pub(crate) use bounds::{AXES, bounds, boxes_apart, union};
 pub(crate) use boxes::{Box3, BoxGroup, above, below, larger, smaller};
 pub use builder::CurveSetBuilder;
 pub(crate) use coordinates::{Coordinates, Knots, ReadKnots, Scalar};

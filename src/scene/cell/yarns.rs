@@ -16,7 +16,9 @@
 
 use crate::certificate::{Differences, no_baseline};
 use crate::curve::vector::per_axis;
-use crate::curve::{AXES, Cell, CurveSet, Image, Point, Precision, bounds, pow2, union};
+use crate::curve::{
+    AXES, Cell, CurveSet, Image, Point, Precision, bounds, boxes_apart, pow2, union,
+};
 use crate::error::Result;
 use crate::periodic::{
     Entry, ImagePair, Number, RingAndYarn, YarnPeriod, almost_yarns, linking_numbers, period_in,
@@ -205,8 +207,7 @@ impl Yarns {
             let [a, b] = [bounds(joints.into_iter().flatten()), union(before, now)];
             let rounding = step.map(|(set, _)| set.max_abs());
             let slack = 1e-12 * rounding[0].max(rounding[1]);
-            let apart = |x: usize| a[1][x] + slack < b[0][x] || b[1][x] + slack < a[0][x];
-            !(0..3).any(apart)
+            !boxes_apart([&a, &b], slack)
         })
     }
 }
