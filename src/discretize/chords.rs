@@ -20,10 +20,8 @@ pub fn chords(set: &CurveSet, per_segment: usize) -> Result<CurveSet> {
         false => per_segment,
     };
     let inner = |s: u32| (1..steps).map(move |k| (s, k as f64 / steps as f64));
-    let splits = set
-        .curves()
-        .iter()
-        .map(|c| (0..c.segments).flat_map(inner).collect());
+    let curves = set.curves().iter();
+    let splits = curves.map(|c| (0..c.segments).flat_map(inner).collect());
     polylines(set, &splits.collect::<Vec<_>>())
 }
 

@@ -178,10 +178,8 @@ fn fill<T: Copy + Send + Sync>(
 ) {
     let chunks = to.par_chunks_mut(3 * CHUNK).zip(base.par_chunks(CHUNK));
     chunks.enumerate().for_each(|(chunk, (to, base))| {
-        let randoms = steps
-            .iter()
-            .map(|(key, _)| Random::from_key([*key, chunk as u64]));
-        let mut randoms: Vec<Random> = randoms.collect();
+        let random = |(key, _): &Step| Random::from_key([*key, chunk as u64]);
+        let mut randoms: Vec<Random> = steps.iter().map(random).collect();
         for (to, &p) in to.chunks_exact_mut(3).zip(base) {
             let steps = steps.iter().zip(&mut randoms);
             let p = steps.fold(p, |p, ((_, transform), random)| transform(p, random));

@@ -37,9 +37,8 @@ impl MovingScene {
         mut curves: CurveSet,
         mut take: impl FnMut(u64, CurveSet) -> Result<CurveSet>,
     ) -> Result<()> {
-        let pull = self
-            .pull
-            .and_then(|_| pull_throughs(&curves).into_iter().next());
+        let first = |_| pull_throughs(&curves).into_iter().next();
+        let pull = self.pull.and_then(first);
         if self.pull.is_some() && pull.is_none() {
             let what = "no two curves are near enough to be pulled through one another";
             return Err(Error::Usage(what.into()));

@@ -44,10 +44,8 @@ pub fn pull_throughs(set: &CurveSet) -> Vec<Pull> {
     trees.refit(set);
     let mut search = LinkSearch::default();
     let pairs = search.find(trees.roots());
-    let found = pairs
-        .par_iter()
-        .filter_map(|&pair| pull_through(set, &trees, pair));
-    let mut found: Vec<Pull> = found.collect();
+    let found = |&pair: &Pair| pull_through(set, &trees, pair);
+    let mut found: Vec<Pull> = pairs.par_iter().filter_map(found).collect();
     found.sort_by(|a, b| {
         let distances = a.place.distance.total_cmp(&b.place.distance);
         distances.then(a.pair.cmp(&b.pair))

@@ -61,10 +61,8 @@ fn by_four_points([u, v, w]: &[Point; 3], [from, to]: [f64; 2]) -> f64 {
         let t = middle + half * x;
         3.0 * norm(mix(mix(*u, *v, t), mix(*v, *w, t), t))
     };
-    let pairs = nodes
-        .iter()
-        .map(|(x, weight)| weight * (speed(-x) + speed(*x)));
-    half * pairs.sum::<f64>()
+    let pair = |(x, weight): (f64, f64)| weight * (speed(-x) + speed(x));
+    half * nodes.map(pair).iter().sum::<f64>()
 }
 
 /// A part of a segment: its curve, its number, and its ends.

@@ -340,19 +340,14 @@ impl CellScene {
             let Some((i, j)) = self.find_pair(pair).filter(|_| !is_of_yarn(&pair)) else {
                 continue;
             };
-            match (lambda, places.get(&pair)) {
-                (Some(lambda), _) => out.links.push(Link { i, j, lambda }),
-                (None, Some(&known)) => out.undefined.push(Defect {
-                    i,
-                    j: Some(j),
-                    image: Image::default(),
-                    ..*known
-                }),
-                (None, None) => {
-                    out.undefined
-                        .push(undefined_entry(i, Some(j), Image::default()));
-                }
+            if let Some(lambda) = lambda {
+                out.links.push(Link { i, j, lambda });
+                continue;
             }
+            let known = places.get(&pair);
+            let known = known.map(|d| Defect::of_pair((i, j), d.kind, d.place));
+            let unknown = || undefined_entry(i, Some(j), Image::default());
+            out.undefined.push(known.unwrap_or_else(unknown));
         }
         out.links.sort_unstable();
         Defect::sort(&mut out.undefined);

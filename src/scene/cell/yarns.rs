@@ -233,13 +233,8 @@ fn defects(numbers: &[Number]) -> Vec<Defect> {
     let without = numbers.iter().filter_map(|(pair, n)| {
         let ImagePair { i, j, image } = pair.pair();
         let (kind, place) = n.err()?;
-        Some(Defect {
-            i,
-            j: Some(j),
-            image,
-            kind,
-            place,
-        })
+        let defect = Defect::of_pair((i, j), kind, place);
+        Some(Defect { image, ..defect })
     });
     without.collect()
 }

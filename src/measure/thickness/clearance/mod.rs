@@ -497,14 +497,15 @@ impl ClearanceMonitor {
 
 impl Layout {
     fn new(set: &CurveSet, cell: Option<&Cell>) -> Layout {
-        let period = |i: usize| cell.and_then(|cell| period(set, i, cell));
+        let period = |i: usize| {
+            cell.and_then(|cell| period(set, i, cell))
+                .unwrap_or_default()
+        };
         Layout {
             shape: set.shape(),
             arcs: Arcs::new(set),
             blocks: Blocks::new(set),
-            periods: (0..set.len())
-                .map(|i| period(i).unwrap_or_default())
-                .collect(),
+            periods: (0..set.len()).map(period).collect(),
         }
     }
 
