@@ -172,14 +172,9 @@ impl Ribbon {
 
     /// Returns `Lk - Tw - Wr`: 0 for a ribbon, a different integer if it passes through itself.
     pub fn residual(&self) -> Estimate {
-        let Some(linking) = self.linking else {
-            return Estimate::UNKNOWN;
-        };
-        let linking = Estimate {
-            value: linking as f64,
-            bound: 0.0,
-        };
-        linking.plus(self.twist.plus(self.writhe).negated())
+        let turns = self.twist.plus(self.writhe).negated();
+        let residual = |linking: i64| Estimate::new(linking as f64, 0.0).plus(turns);
+        self.linking.map_or(Estimate::UNKNOWN, residual)
     }
 
     /// Returns the signed number of passages of the ribbon through itself: 0 for a ribbon without

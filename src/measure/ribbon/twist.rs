@@ -97,8 +97,5 @@ fn corner(p: Vector, q: Vector, u: Vector) -> Interval {
 
 /// Returns the angle, or all angles if it is undecided.
 fn certain(angle: Option<Interval>) -> Interval {
-    angle.unwrap_or(Interval {
-        lo: -Interval::PI.hi,
-        hi: Interval::PI.hi,
-    })
+    angle.unwrap_or(Interval::HALF_TURN)
 }

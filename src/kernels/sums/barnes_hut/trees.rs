@@ -10,7 +10,7 @@ use super::bound::Reach;
 use super::moments::Moments;
 use crate::curve::pow2;
 use crate::curve::vector::{dot, norm, per_axis, sub};
-use crate::curve::{Point, union};
+use crate::curve::{Point, bounds, union};
 use crate::kernels::sums::join;
 
 /// Number of segments of a leaf, and number of lanes of the near field.
@@ -89,17 +89,9 @@ impl Tree {
     }
 
     pub fn root(&self) -> Node {
-        Node::root(self.leaves())
-    }
-
-    /// Returns the number of leaves.
-    pub fn leaves(&self) -> u32 {
-        self.reach.len().div_ceil(2) as u32
+        Node::root(self.reach.len().div_ceil(2) as u32)
     }
 }
-
-/// Minimum and maximum of each coordinate.
-type Extent = [[f64; 3]; 2];
 
 /// Builds a subtree. Returns its bounding box.
 fn build(
@@ -108,7 +100,7 @@ fn build(
     leaves: usize,
     reach: &mut [Reach],
     moments: &mut [Moments],
-) -> Extent {
+) -> [Point; 2] {
     let (Some((reach, below)), Some((own, moments_below))) =
         (reach.split_first_mut(), moments.split_first_mut())
     else {
@@ -166,7 +158,7 @@ fn build_leaf(
     start: usize,
     reach: &mut Reach,
     moments: &mut Moments,
-) -> Extent {
+) -> [Point; 2] {
     let point = |k: usize| vertices.each_ref().map(|v| v[start + k]);
     let side = |k: usize| {
         let (p, q) = (point(k), point(k + 1));
@@ -196,17 +188,11 @@ fn build_leaf(
         length,
         ..Reach::default()
     };
-    let mut extent = [base; 2];
-    let mut farthest: f64 = 0.0;
-    for k in 0..=LEAF {
-        let p = point(k);
-        for x in 0..3 {
-            extent[0][x] = extent[0][x].min(p[x]);
-            extent[1][x] = extent[1][x].max(p[x]);
-        }
-        let r = sub(p, centre);
-        farthest = farthest.max(dot(r, r));
-    }
+    let distances = (0..=LEAF).map(|k| {
+        let r = sub(point(k), centre);
+        dot(r, r)
+    });
+    let farthest = distances.fold(0.0, f64::max);
     for (k, &(c, size)) in sides.iter().enumerate() {
         let r = from(centre, k);
         moments.add_segment(c, r);
@@ -224,7 +210,7 @@ fn build_leaf(
         }
     }
     finish(reach, farthest.sqrt());
-    extent
+    bounds((0..=LEAF).map(point))
 }
 
 /// Rounds the bounds up, because the centre is not exactly the centroid, and because all of them

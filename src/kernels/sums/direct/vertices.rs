@@ -16,7 +16,7 @@ pub(crate) struct Vertices {
     /// Range of vertices of each curve. Empty if the curve has no linking numbers: an open curve,
     /// or a spline.
     curves: Vec<Range<usize>>,
-    scale: Scale,
+    pub scale: Scale,
 }
 
 /// A power of two, as a product of two powers that are in the range of normal numbers.
@@ -65,10 +65,5 @@ impl Vertices {
     pub fn of(&self, i: usize) -> Option<Strip<'_>> {
         let range = self.curves.get(i).filter(|range| !range.is_empty())?;
         Some(self.axes.each_ref().map(|v| &v[range.clone()]))
-    }
-
-    /// Converts a length from the units of the set to those of these vertices.
-    pub fn scaled(&self, length: f64) -> f64 {
-        self.scale.apply(length)
     }
 }

@@ -22,9 +22,6 @@ pub(super) struct Norms {
     pub values: Vec<f64>,
 }
 
-/// Rounding error of moments, relative to their maximum: see [`ROUNDING`].
-const SLACK: f64 = ROUNDING;
-
 /// Returns the factor `(n - k)! (n + k)!`, doubled for `k > 0`.
 fn weight(n: usize, k: usize) -> f64 {
     FACTORIALS[n - k] * FACTORIALS[n + k] * if k == 0 { 1.0 } else { 2.0 }
@@ -66,8 +63,9 @@ impl Norms {
         let mut power = 1.0;
         for n in 1..=order {
             let [most_p, most_t] = most(n, length * power, radius);
-            out_p[n - 1] = out_p[n - 1].min((norm(p, n) + SLACK * most_p) * UP);
-            out_t[n - 1] = out_t[n - 1].min((norm(t, n) + SLACK * most_t) * UP);
+            // The moments have a rounding error relative to their maximum.
+            out_p[n - 1] = out_p[n - 1].min((norm(p, n) + ROUNDING * most_p) * UP);
+            out_t[n - 1] = out_t[n - 1].min((norm(t, n) + ROUNDING * most_t) * UP);
             power *= radius;
         }
     }

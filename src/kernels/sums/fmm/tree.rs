@@ -19,7 +19,7 @@ pub(super) const LEAF: usize = 16;
 pub(super) const GRAIN: usize = 1 << 5;
 
 /// A ball around the segments of a node.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Ball {
     /// Centre of the expansions.
     pub centre: Point,
@@ -32,14 +32,6 @@ pub(super) struct Ball {
     /// Unit of the moments: a power of two, at least the radius.
     pub size: f64,
 }
-
-const EMPTY: Ball = Ball {
-    centre: [0.0; 3],
-    radius: 0.0,
-    spread: 0.0,
-    length: 0.0,
-    size: 1.0,
-};
 
 /// Tree of a curve.
 #[derive(Clone, Debug)]
@@ -90,7 +82,7 @@ impl Tree {
         };
         segments.resize(leaves * LEAF, filler);
         let ends = [0, 1].map(|e| per_axis(|x| segments.iter().map(|s| s.ends[e][x]).collect()));
-        let mut balls = vec![EMPTY; (2 * leaves).saturating_sub(1)];
+        let mut balls = vec![Ball::default(); (2 * leaves).saturating_sub(1)];
         enclose(&ends, 0, leaves, &mut balls);
         Tree {
             ends,
@@ -138,17 +130,11 @@ fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [
         return [[0.0; 3]; 2];
     };
     let range = first * LEAF..(first + leaves) * LEAF;
-    let mut extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    let end = |e: usize, k: usize| per_axis(|x| ends[e][x][k]);
+    let extent;
     if leaves == 1 {
-        for points in ends {
-            for x in 0..3 {
-                for &at in &points[x][range.clone()] {
-                    extent[0][x] = extent[0][x].min(at);
-                    extent[1][x] = extent[1][x].max(at);
-                }
-            }
-        }
-        let length = |k: usize| norm(per_axis(|x| ends[1][x][k] - ends[0][x][k]));
+        extent = bounds(range.clone().flat_map(|k| [end(0, k), end(1, k)]));
+        let length = |k: usize| norm(sub(end(1, k), end(0, k)));
         ball.length = range.clone().map(length).sum();
     } else {
         let half = leaves / 2;

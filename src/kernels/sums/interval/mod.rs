@@ -38,21 +38,18 @@ pub(crate) fn enclose(set: &CurveSet, (i, j): Pair, noise: f64) -> Interval {
     }
     let radius = match noise {
         0.0 => 0.0,
-        _ => vertices.scaled(noise).next_up(),
+        _ => vertices.scale.apply(noise).next_up(),
     };
-    let cubes = |[x, y, z]: [&[f64]; 3]| -> Vec<Vector> {
-        let points = x.iter().zip(y).zip(z);
-        let cubes = points.map(|((&x, &y), &z)| [x, y, z].map(|x| cube(x, radius)));
-        cubes.collect()
+    let cubes = |axes: [&[f64]; 3]| -> Vec<Vector> {
+        let point = |k: usize| axes.map(|v| cube(v[k], radius));
+        (0..axes[0].len()).map(point).collect()
     };
     let (first, second) = (cubes(first), cubes(second));
-    let rows: Vec<Interval> = second
-        .par_windows(2)
-        .map(|k| {
-            let angles = first.windows(2).map(|l| angle([k[0], k[1]], [l[0], l[1]]));
-            angles.fold(Interval::ZERO, |sum, angle| sum + angle)
-        })
-        .collect();
+    let row = |k: &[Vector]| {
+        let angles = first.windows(2).map(|l| angle([k[0], k[1]], [l[0], l[1]]));
+        angles.fold(Interval::ZERO, |sum, angle| sum + angle)
+    };
+    let rows: Vec<Interval> = second.par_windows(2).map(row).collect();
     let sum = rows.into_iter().fold(Interval::ZERO, |sum, row| sum + row);
     sum / (Interval::PI + Interval::PI)
 }
@@ -80,10 +77,9 @@ fn angle(k: [Vector; 2], l: [Vector; 2]) -> Interval {
         sub(l[1], k[1]),
         sub(l[1], k[0]),
     ];
-    let half_turn = Interval::new(-Interval::PI.hi, Interval::PI.hi);
     match (half_solid_angle(a, b, c), half_solid_angle(c, d, a)) {
-        (Some(one), Some(other)) => (one + other).within(half_turn),
-        _ => half_turn,
+        (Some(one), Some(other)) => (one + other).within(Interval::HALF_TURN),
+        _ => Interval::HALF_TURN,
     }
 }
 

@@ -23,6 +23,8 @@ impl Interval {
     /// Pi. The constant is the nearest number below pi.
     pub const PI: Interval = Interval::new(PI, PI.next_up());
 
+    /// All angles up to half a turn in either direction.
+    pub const HALF_TURN: Interval = Interval::new(-Interval::PI.hi, Interval::PI.hi);
     /// Half of pi.
     const HALF_PI: Interval = Interval::new(0.5 * Interval::PI.lo, 0.5 * Interval::PI.hi);
 
