@@ -7,7 +7,6 @@
 //! balls, and nowhere else.
 
 use super::costs::{self, MS, Nanoseconds};
-use crate::kernels::KernelWork;
 use crate::kernels::crossings::{Input, sample};
 use crate::pairs::Pair;
 use rayon::prelude::*;
@@ -59,24 +58,19 @@ pub(super) fn worth_summing(input: Input<'_>, links: &[Pair]) -> Vec<LongLink> {
             return None;
         }
         let run = |workspace: &mut _| sample(input, (i, j), workspace);
-        decide(at, segments, input.workspaces.run(run).0)
+        // Boxes take at least 2 bytes per segment, so curves of this length exceed every cache.
+        let counting = costs::crossings(0, input.workspaces.run(run).0, usize::MAX);
+        let summing = costs::multipole(segments as usize);
+        let worth = counting * MS > SHORT_MS.max(SHORTER * (summing * MS));
+        worth.then_some(LongLink {
+            at,
+            counting,
+            summing,
+        })
     };
     match links.len() {
         // A parallel iterator allocates, and a frame like the previous one should allocate nothing.
         few @ ..PARALLEL_LINKS => (0..few).filter_map(long).collect(),
         many => (0..many).into_par_iter().filter_map(long).collect(),
     }
-}
-
-fn decide(at: usize, segments: u32, work: KernelWork) -> Option<LongLink> {
-    let segments = segments as usize;
-    // Boxes take at least 2 bytes per segment, so curves of this length exceed every cache.
-    let counting = costs::crossings(0, work, usize::MAX);
-    let summing = costs::multipole(segments);
-    let worth = counting * MS > SHORT_MS.max(SHORTER * (summing * MS));
-    worth.then_some(LongLink {
-        at,
-        counting,
-        summing,
-    })
 }

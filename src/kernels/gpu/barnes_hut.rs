@@ -114,12 +114,10 @@ impl Forest {
     /// Builds the trees of the curves of a frame.
     pub fn new(frame: &Frame) -> Forest {
         let tree = |range: &Range<u32>| {
-            let Some((_, open)) =
-                frame.vertices[range.start as usize..range.end as usize].split_last()
-            else {
-                return (Vec::new(), 0);
-            };
-            let points: Vec<_> = open.iter().map(|p| per_axis(|x| f64::from(p[x]))).collect();
+            // The last vertex is the first one again.
+            let open = range.start as usize..range.end.saturating_sub(1) as usize;
+            let open = frame.vertices.get(open).unwrap_or_default().iter();
+            let points: Vec<_> = open.map(|p| per_axis(|x| f64::from(p[x]))).collect();
             let mut nodes = Vec::new();
             let levels = pack(&points, range.start, &mut nodes);
             (nodes, levels)
@@ -165,12 +163,12 @@ pub(super) fn linking_numbers(
     pairs: &[Pair],
     beta: Option<f64>,
 ) -> Result<Vec<Estimate>, Error> {
-    let whole = |&(i, j): &Pair| i != j && frame.segments(i) > 0 && frame.segments(j) > 0;
     let by_distance = Criterion {
         beta: beta.unwrap_or(4.0) as f32,
         share: f32::MAX,
     };
-    let mut open: Vec<usize> = (0..pairs.len()).filter(|&k| whole(&pairs[k])).collect();
+    let whole = (0..pairs.len()).filter(|&k| frame.has_numbers(pairs[k]));
+    let mut open: Vec<usize> = whole.collect();
     let mut shares: Vec<f64> = Vec::new();
     let mut out = vec![NOTHING; pairs.len()];
     for pass in 0..=PASSES {
@@ -257,8 +255,7 @@ fn pass(
     let criteria: Vec<Criterion> = asked.iter().map(|a| a.1).collect();
     let mut counts = [0u32; COUNTS as usize];
     counts[0] = asked.len() as u32;
-    let own = |level| Parameters::new(frame.radius, 0, level);
-    let parameters: Vec<Parameters> = (0..levels).map(own).collect();
+    let parameters = (0..levels).map(|level| Parameters::new(frame.radius, 0, level));
     let tile_bytes = u64::from(capacity.tiles) * size_of::<super::Tile>() as u64;
     let far_bytes = (asked.len() * size_of::<FarSum>()) as u64;
     let agendas = AGENDAS.map(|buffer| capacity.agenda(buffer));
@@ -267,7 +264,7 @@ fn pass(
         commands.push(Command::upload(NODES, &forest.nodes));
     }
     commands.extend([
-        Command::parameters(PARAMETERS, &parameters),
+        Command::parameters(PARAMETERS, parameters),
         Command::upload(CRITERIA, &criteria),
         Command::Reserve(AGENDAS[0], agendas[0].size),
         Command::Reserve(AGENDAS[1], agendas[1].size),

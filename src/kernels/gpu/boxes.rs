@@ -136,10 +136,9 @@ pub(super) fn fit(state: &mut State, frame: &Frame) -> [Vec<Command>; 2] {
     if state.boxes_of == Some(frame.id) || hierarchy.nodes().size == 0 {
         return [uploads, Vec::new()];
     }
-    let parameters: Vec<Parameters> = (hierarchy.levels.iter())
-        .map(|nodes| Parameters::new(frame.radius, nodes.start, nodes.len() as u32))
-        .collect();
-    uploads.push(Command::parameters(PARAMETERS, &parameters));
+    let own = |nodes: &Range<u32>| Parameters::new(frame.radius, nodes.start, nodes.len() as u32);
+    let parameters = hierarchy.levels.iter().map(own);
+    uploads.push(Command::parameters(PARAMETERS, parameters));
     let groups = |nodes: &Range<u32>| (nodes.len() as u32).div_ceil(THREADS);
     let fit = |(level, nodes): (u32, &Range<u32>)| Command::Dispatch {
         stage: STAGE,

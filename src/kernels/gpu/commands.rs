@@ -88,10 +88,11 @@ impl Command {
 
     /// Returns a command that writes the parameters of dispatches, each at an offset where a
     /// binding may start.
-    pub fn parameters(buffer: Buffer, all: &[Parameters]) -> Command {
-        let mut bytes = vec![0; all.len() * ALIGNMENT as usize];
-        for (own, to) in all.iter().zip(bytes.chunks_mut(ALIGNMENT as usize)) {
-            to[..size_of::<Parameters>()].copy_from_slice(bytemuck::bytes_of(own));
+    pub fn parameters(buffer: Buffer, all: impl IntoIterator<Item = Parameters>) -> Command {
+        let mut bytes = Vec::new();
+        for own in all {
+            bytes.extend_from_slice(bytemuck::bytes_of(&own));
+            bytes.resize(bytes.len().next_multiple_of(ALIGNMENT as usize), 0);
         }
         Command::Upload(buffer, bytes)
     }

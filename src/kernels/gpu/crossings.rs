@@ -230,12 +230,9 @@ impl Lists {
         commands.push(upload);
         let own = |first| Parameters::new(radius, first, self.part.min(capacity.tiles - first));
         let parts = (0..capacity.tiles).step_by(self.part as usize).map(own);
-        commands.push(Command::parameters(PARAMETERS, &parts.collect::<Vec<_>>()));
-        let [now, next] = descent::AGENDAS;
-        let agendas = [now, next].map(|list| capacity.agenda(list));
-        let lists = agendas
-            .into_iter()
-            .chain([capacity.tiles(TILES), self.undecided]);
+        commands.push(Command::parameters(PARAMETERS, parts));
+        let [now, next] = descent::AGENDAS.map(|list| capacity.agenda(list));
+        let lists = [now, next, capacity.tiles(TILES), self.undecided];
         commands.extend(lists.map(|list| Command::Reserve(list.buffer, list.size)));
         commands.push(Command::Clear(SIGNS, self.signs.size));
         commands.push(Command::Clear(COUNTERS.buffer, COUNTERS.size));

@@ -45,27 +45,22 @@ pub(super) const COUNTERS: Binding = counters::binding(STAGE.name);
 /// dispatches that follow it.
 pub(super) fn descend(state: &State, radius: f32, capacity: Capacity) -> (Command, Vec<Command>) {
     let steps = state.hierarchy.levels().saturating_sub(1);
-    let parameters: Vec<Parameters> = (0..steps)
-        .map(|step| Parameters::new(radius, 0, step))
-        .collect();
+    let parameters = (0..steps).map(|step| Parameters::new(radius, 0, step));
     let step = |step: u32| {
-        let [from, to] = match step % 2 {
-            0 => AGENDAS,
-            _ => [AGENDAS[1], AGENDAS[0]],
-        };
+        let from = step as usize % 2;
         Command::Dispatch {
             stage: STAGE,
             bindings: vec![
                 Binding::parameters(PARAMETERS, step),
                 state.hierarchy.nodes(),
-                capacity.agenda(to),
+                capacity.agenda(AGENDAS[1 - from]),
                 capacity.tiles(TILES),
                 COUNTERS,
-                capacity.agenda(from),
+                capacity.agenda(AGENDAS[from]),
             ],
             groups: state.strides(),
         }
     };
-    let upload = Command::parameters(PARAMETERS, &parameters);
+    let upload = Command::parameters(PARAMETERS, parameters);
     (upload, (0..steps).map(step).collect())
 }

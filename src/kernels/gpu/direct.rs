@@ -301,9 +301,8 @@ pub(super) fn sum_tiles(
     let size = bytes(pairs);
     let most = state.max_work / u64::from(LEAF_SEGMENTS * LEAF_SEGMENTS);
     let part = (most as u32).next_multiple_of(STEP as u32).max(STEP as u32);
-    let counts: Vec<u32> = (0..count.div_ceil(part))
-        .map(|k| part.min(count - k * part))
-        .collect();
+    let counts = (0..count.div_ceil(part)).map(|k| part.min(count - k * part));
+    let counts: Vec<u32> = counts.collect();
     let mut commands = vec![Command::Clear(SUMS, size)];
     commands.extend(dispatches(state, frame, 0, tiles, &counts, size));
     commands.push(Command::Download(SUMS, size));
@@ -324,8 +323,7 @@ fn dispatches<R: Real>(
     let stage = stages::<R>()[shape];
     let parameters = Buffer("parameters", stage.name);
     let own = |&items: &u32| Parameters::new(frame.radius, 0, items);
-    let all: Vec<Parameters> = counts.iter().map(own).collect();
-    let mut commands = vec![Command::parameters(parameters, &all)];
+    let mut commands = vec![Command::parameters(parameters, counts.iter().map(own))];
     let mut offset = 0;
     for (k, &count) in (0..).zip(counts) {
         let tiles = Binding {

@@ -40,7 +40,7 @@ pub(super) fn choose(
     let listed: Vec<[u32; 2]> = pairs.iter().map(|&(i, j)| [i, j]).collect();
     let uploads = [
         Command::upload(PAIRS, &listed),
-        Command::parameters(PARAMETERS, &[parameters]),
+        Command::parameters(PARAMETERS, [parameters]),
     ];
     let dispatch = Command::Dispatch {
         stage: STAGE,

@@ -266,20 +266,14 @@ impl GpuUse {
         let frame = self.frame(input.set);
         // `take`: the announced frame is uploaded only once.
         let next = self.announced.take();
-        match gpu.count(&frame, input, pairs, next.as_deref()) {
-            Ok(((parts, undecided), ahead)) => {
-                if let Some((next, ahead)) = next.zip(ahead) {
-                    self.keep(&next, ahead);
-                }
-                self.offload.tests += parts.iter().map(|part| part.stats.tests).sum::<u64>();
-                self.offload.undecided += undecided;
-                Some(parts)
-            }
-            Err(error) => {
-                self.fail(&error);
-                None
-            }
+        let counted = gpu.count(&frame, input, pairs, next.as_deref());
+        let ((parts, undecided), ahead) = counted.inspect_err(|error| self.fail(error)).ok()?;
+        if let Some((next, ahead)) = next.zip(ahead) {
+            self.keep(&next, ahead);
         }
+        self.offload.tests += parts.iter().map(|part| part.stats.tests).sum::<u64>();
+        self.offload.undecided += undecided;
+        Some(parts)
     }
 
     /// Returns the adapter for a sum if it was requested, or if `wins` holds for its calibration.
