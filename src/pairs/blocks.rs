@@ -8,7 +8,7 @@ use crate::simd::LANES;
 #[derive(Debug)]
 pub(crate) struct Blocks {
     /// First block of each curve.
-    first: Vec<u32>,
+    pub first: Vec<u32>,
     /// Curve of each block.
     pub curves: Vec<u32>,
 }
@@ -27,11 +27,6 @@ impl Blocks {
     /// Returns the number of blocks.
     pub fn len(&self) -> usize {
         self.curves.len()
-    }
-
-    /// Returns the first block of curve `i`.
-    pub fn first(&self, i: usize) -> u32 {
-        self.first[i]
     }
 
     /// Returns the block that contains a segment of curve `i`.

@@ -255,7 +255,7 @@ impl<'a> Allowances<'a> {
     /// another have at least the distance within which pairs bound allowances.
     fn add_leaves(&self, curves: [usize; 2], range: f32, buffers: &mut Buffers) {
         let trees = curves.map(|i| self.trees.of(self.covered.set, i));
-        let [i, j] = curves.map(|i| self.blocks.first(i));
+        let [i, j] = curves.map(|i| self.blocks.first[i]);
         let least = ((self.reach / SHARE).min(f32::MAX.into()) as f32) * (1.0 - 1e-6);
         near_leaves(trees, range, |a, b, gap| {
             if i != j || a <= b {
