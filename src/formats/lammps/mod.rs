@@ -145,8 +145,8 @@ fn read_bonds(path: &Path) -> Result<Curves> {
 }
 
 /// Returns the data file that belongs to a dump by its name, if there is one: `melt.data` (or
-/// `.lmp`, `.lammps`) beside `melt.dump`, or `data.melt` beside `dump.melt`. A script of LAMMPS with
-/// such a name is none.
+/// `.lmp`, `.lammps`) beside `melt.dump`, or `data.melt` beside `dump.melt`. A script of LAMMPS
+/// with such a name is none.
 pub(super) fn beside(dump: &Path) -> Option<PathBuf> {
     let named = DATA.map(|extension| dump.with_extension(extension));
     let prefixed = (dump.file_name().and_then(OsStr::to_str))
