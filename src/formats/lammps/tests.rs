@@ -257,7 +257,8 @@ fn the_bonds_of_a_dump_come_from_the_option_or_the_file_beside_it() {
         std::fs::write(&data, "a script\nunits lj\natom_style bond\n").unwrap();
         assert_eq!(super::beside(&dump), None);
         std::fs::write(&data, "a title\n\n3 atoms\n").unwrap();
-        assert_eq!(super::beside(&dump), Some(data));
+        assert_eq!(super::beside(&dump), Some(data.clone()));
+        std::fs::remove_file(data).unwrap();
     }
 }
 
