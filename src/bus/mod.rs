@@ -39,6 +39,7 @@ mod event;
 mod frames;
 mod ipc;
 mod message;
+mod remains;
 mod room;
 mod service;
 mod services;

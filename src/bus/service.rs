@@ -14,6 +14,7 @@
 //! number of subscribers of the frames limits watcher, observers and bridges together.
 
 use super::ipc::{Ipc, limit_log_level};
+use super::remains::{cleanup, remove_unsized};
 use super::room;
 use super::services::user_of;
 use super::wait_mode::WaitMode;
@@ -237,9 +238,14 @@ impl Endpoint {
 pub(super) fn open_node(name: &str) -> Result<Node<Ipc>> {
     limit_log_level();
     room::ensure_service()?;
+    remove_unsized();
     let name = NodeName::new(name).map_err(bus("node name"))?;
+    let mut config = Config::global_config().clone();
+    // It may wait without limit: see `remove_unsized`.
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
     // Signals stay with the program that owns this process.
     let builder = NodeBuilder::new()
+        .config(&config)
         .name(&name)
         .signal_handling_mode(SignalHandlingMode::Disabled);
     builder.create::<Ipc>().map_err(|e| {
@@ -284,11 +290,6 @@ pub(super) fn node_of(service: &FrameService, origin: UniquePublisherId) -> Opti
         CallbackProgression::Continue
     });
     node
-}
-
-/// Removes the files of dead processes from shared memory.
-fn cleanup() {
-    Node::<Ipc>::try_cleanup_dead_nodes(Config::global_config());
 }
 
 pub(super) fn service_name(name: &str, part: &str) -> Result<ServiceName> {
@@ -384,6 +385,7 @@ pub(super) fn retry_transient<T, E: Debug>(mut open: impl FnMut() -> Result<T, E
         "IsBeingCreatedByAnotherInstance",
         "HangsInCreation",
     ];
+    remove_unsized();
     let start = Instant::now();
     loop {
         match open() {

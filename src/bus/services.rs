@@ -1,7 +1,8 @@
-//! List of the services of this machine, read from their files alone. Nothing is opened, created or
-//! removed, so running sessions are not disturbed.
+//! List of the services of this machine, read from their files alone. Nothing is opened or created,
+//! and nothing of a living process is removed, so running sessions are not disturbed.
 
 use super::ipc::{Ipc, limit_log_level};
+use super::remains::remove_unsized;
 use super::service::{OBSERVER, SIMULATOR};
 use super::wire::{FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
@@ -178,6 +179,7 @@ impl ServiceParts {
 /// Calls `look` for every service of iceoryx2 on this machine.
 fn list(mut look: impl FnMut(ServiceDetails<Ipc>)) -> Result<()> {
     limit_log_level();
+    remove_unsized();
     Ipc::list(Config::global_config(), |details| {
         look(details);
         CallbackProgression::Continue

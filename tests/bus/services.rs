@@ -93,6 +93,39 @@ fn a_killed_process_is_not_listed() {
     drop(simulator);
 }
 
+/// Regression test: later processes waited without limit, whatever their service.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_process_killed_while_it_creates_a_service_stops_no_other() {
+    let name = service();
+    let simulator = Process::start("silent simulator", &name, None);
+    until("a process in the list", || {
+        roles(&name).filter(|r| r[0].is_some())
+    });
+    let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
+    let frames = ServiceName::new(&format!("{name}/frames")).unwrap();
+    let events = until("the events of frames", || {
+        node.service_builder(&frames).event().open().ok()
+    });
+    let hash = events.service_hash().as_str().to_owned();
+    drop(events);
+    simulator.kill();
+    let end = format!("{hash}.dynamic");
+    let files = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let is_its = |path: &std::path::PathBuf| path.to_string_lossy().ends_with(&end);
+    let memory = files.map(|file| file.path()).find(is_its).unwrap();
+    // Its state between creation and the first size.
+    std::fs::File::create(&memory).unwrap();
+    let other = service();
+    let done = std::thread::spawn(move || {
+        assert_eq!(roles(&name), None);
+        drop(client(&name));
+        drop(client(&other));
+    });
+    until("the end of the thread", || done.is_finished().then_some(()));
+    done.join().unwrap();
+}
+
 #[test]
 fn a_stopped_process_is_listed() {
     let name = service();
