@@ -108,6 +108,10 @@ pub(crate) struct CurveChange {
     pub opened: Vec<String>,
     /// Names of the curves that were open before, and are closed with the same number of points.
     pub closed: Vec<String>,
+    /// Names of the curves with another number of points than before.
+    pub resized: Vec<String>,
+    /// Names of the curves that appeared, and were there before they were gone.
+    pub returned: Vec<String>,
 }
 
 impl CurveChange {
@@ -137,13 +141,17 @@ impl CurveChange {
             gone: before.names.iter().filter(is_gone).cloned().collect(),
             opened: Vec::new(),
             closed: Vec::new(),
+            resized: Vec::new(),
+            returned: Vec::new(),
         })
     }
 
-    /// Notes which of the curves, with these names, were closed before and are open, or the other
-    /// way round.
+    /// Notes which of the curves, with these names, were closed before and are open, the other way
+    /// round, or have another number of points. The last ones count if there are open curves, which
+    /// have no linking numbers, or if `all` passages are searched for.
     #[cfg(feature = "verify")]
-    pub fn note_closed_and_opened(&mut self, before: &CurveSet, now: &CurveSet, names: &[String]) {
+    pub fn note_kinds(&mut self, before: &CurveSet, now: &CurveSet, names: &[String], all: bool) {
+        let is_searched = all || before.open_curves() + now.open_curves() > 0;
         for (i, origin) in self.origins.iter().enumerate() {
             let Some(k) = *origin else {
                 continue;
@@ -151,28 +159,38 @@ impl CurveChange {
             let (before, now) = (before.curve(k as usize), now.curve(i));
             match (before.closed, now.closed) {
                 (true, false) => self.opened.push(names[i].clone()),
-                (false, true) if before.points == now.points => self.closed.push(names[i].clone()),
+                _ if before.points != now.points => {
+                    self.resized.extend(is_searched.then(|| names[i].clone()));
+                }
+                (false, true) => self.closed.push(names[i].clone()),
                 _ => {}
             }
         }
     }
 
-    /// Returns in words which curves were closed before and are open. `None` if there are none.
+    /// Returns in words what is not compared with the frames before.
     #[cfg(feature = "verify")]
-    pub fn words_of_opened(&self) -> Option<String> {
-        let curves = words_of_first(&self.opened)?;
-        Some(format!(
-            "the linking numbers of curve {curves}: closed in the previous frame, and open"
-        ))
+    pub fn words_of_uncompared(&self) -> impl Iterator<Item = String> {
+        let opened = words_of_first(&self.opened).map(|curves| {
+            format!("the linking numbers of curve {curves}: closed in the previous frame, and open")
+        });
+        let returned = words_of_first(&self.returned)
+            .map(|curves| format!("what became of curve {curves} while it was gone"));
+        let replaced = self.before > 0 && self.origins.iter().all(Option::is_none);
+        let replaced = replaced.then(|| "all linking numbers: no curve kept its name".to_owned());
+        opened.into_iter().chain(returned).chain(replaced)
     }
 
-    /// Returns in words which curves were open before and are closed. `None` if there are none.
+    /// Returns in words which curves have pull-throughs that are not searched for: those that were
+    /// open before and are closed, or have another number of points. `None` if there are none.
     #[cfg(feature = "verify")]
-    pub fn words_of_closed(&self) -> Option<String> {
-        let curves = words_of_first(&self.closed)?;
-        Some(format!(
-            "pull-throughs of curve {curves}: open in the previous frame, and closed"
-        ))
+    pub fn words_of_unsearched(&self) -> Option<String> {
+        let closed = words_of_first(&self.closed)
+            .map(|curves| format!("{curves}: open in the previous frame, and closed"));
+        let resized = words_of_first(&self.resized)
+            .map(|curves| format!("{curves}: another number of points than in the previous frame"));
+        let words: Vec<String> = closed.into_iter().chain(resized).collect();
+        (!words.is_empty()).then(|| format!("pull-throughs of curve {}", words.join("; of curve ")))
     }
 
     /// Returns true if the same curves are in the same order.

@@ -246,7 +246,7 @@ impl Known {
                 self.unknown_step = Some(what.into());
                 return None;
             }
-            self.unknown_step = change.words_of_closed();
+            self.unknown_step = change.words_of_unsearched();
             let same_size = |&(i, origin): &(u32, u32)| {
                 let (a, b) = (before.curve(origin as usize), set.curve(i as usize));
                 (a.points, a.closed) == (b.points, b.closed)

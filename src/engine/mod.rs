@@ -295,8 +295,9 @@ impl Engine {
         }
         self.steps.begin(known, &curves)?;
         let unknown_step = known.unknown_step.take();
-        let opened = next.change.and_then(CurveChange::words_of_opened);
-        let missing = unknown_step.into_iter().chain(broken).chain(opened);
+        let uncompared = next.change.into_iter();
+        let uncompared = uncompared.flat_map(CurveChange::words_of_uncompared);
+        let missing = unknown_step.into_iter().chain(broken).chain(uncompared);
         let mut missing: Vec<String> = missing.collect();
         let (frame, quiet) = self.expand(known, next, &mut missing)?;
         let mut compared = self.compare(known, (&frame, quiet), &appeared)?;

@@ -24,9 +24,12 @@ use crate::curve::{Cell, CurveChange, CurveSet};
 use crate::discretize::Braids;
 use crate::engine::{Engine, Next as NextFrame, Progress, SessionOptions, Timings};
 use crate::error::{Error, Result};
+use crate::incremental::Events;
 use crate::ingest::{ClosingNote, CurveSource, FrameInfo, FramePool, RawFrame};
 use crate::pool;
 use crate::verdict::{LeftOut, Report, Verdict};
+use std::collections::BTreeSet;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -77,6 +80,16 @@ pub struct Session {
     given: Option<Arc<CurveSet>>,
     next: Next,
     strands: Strands,
+    /// Names of the curves that are gone since the first frame, or since one that was accepted, as
+    /// hashes: a simulation may replace curves for hours. A curve that is taken for another one
+    /// makes a frame undecided.
+    gone: BTreeSet<u64>,
+}
+
+fn hash(name: &String) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    name.hash(&mut hasher);
+    hasher.finish()
 }
 
 /// Decision of the caller about how the next frame follows the last one.
@@ -110,6 +123,7 @@ impl Session {
             given: None,
             next: Next::ByInfo,
             strands: Strands::new(&options),
+            gone: BTreeSet::new(),
             options,
         })
     }
@@ -454,7 +468,13 @@ impl Session {
         };
         let set = coordinates.place(&given, info, of_frame)?;
         if let (Some(change), Some((before, _))) = (&mut change, &coordinates.last) {
-            change.note_closed_and_opened(before, &set, &info.labels.names);
+            let all = self.options.events == Events::All;
+            change.note_kinds(before, &set, &info.labels.names, all);
+        }
+        if let Some(change) = &mut change {
+            let returned = change.appeared.iter();
+            let returned = returned.filter(|name| self.gone.contains(&hash(name)));
+            change.returned = returned.cloned().collect();
         }
         let cuts = cut || matches!(self.next, Next::Cut);
         let mut report = engine.verify(NextFrame {
@@ -469,8 +489,14 @@ impl Session {
         if let Some(begun) = begun {
             (self.engine, self.coordinates) = (begun.engine, begun.coordinates);
             self.strands = Strands::new(&self.options);
+            if !matches!(self.next, Next::Part(_)) {
+                self.gone.clear();
+            }
         } else if cuts {
             self.strands.cut();
+        }
+        if let Some(change) = change {
+            self.gone.extend(change.gone.iter().map(hash));
         }
         self.coordinates.commit(&set, info.cell);
         info.translated = self.coordinates.translated();

@@ -10,10 +10,11 @@ use crate::engine::{EngineState, SessionOptions};
 use crate::error::{Error, Result};
 use crate::ingest::{Decisions, FrameInfo};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Version of the state. Another version cannot be read.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// State of a session after a verified frame: the frame, the baseline, and all else that later
 /// reports depend on. A clone shares the curves. It can be stored with serde, in a format that
@@ -49,6 +50,7 @@ struct Verified {
     closings: Decisions,
     coordinates: CoordinateState,
     strands: Vec<(u64, f64)>,
+    gone: BTreeSet<u64>,
 }
 
 impl SessionState {
@@ -95,6 +97,7 @@ impl Session {
                 closings: self.closings.decisions(),
                 coordinates: self.coordinates.state.clone(),
                 strands: self.strands.trend(),
+                gone: self.gone.clone(),
             }),
         }
     }
@@ -125,6 +128,7 @@ impl Session {
         session.coordinates.state = verified.coordinates;
         session.coordinates.last = Some((curves, info.cell));
         session.strands = Strands::resumed(&session.options, &info, verified.strands);
+        session.gone = verified.gone;
         session.last = Some(info);
         Ok(session)
     }

@@ -493,3 +493,55 @@ fn a_frame_without_curves_is_rejected() {
         Some("the frame holds no curves")
     );
 }
+
+/// Regression test: nothing compares these curves with the frames before, and they were intact.
+#[test]
+fn curves_that_are_not_those_of_the_frame_before_are_undecided() {
+    let pair = square_and_strand(0.5, 3.0);
+    let longer = [pair[0].clone(), [&pair[1][..], &[[3.0, 0.0, 2.0]]].concat()];
+    let missing = |session: &mut Session, k: u32, names, curves| {
+        let report = feed_named(
+            session,
+            (k.into(), k),
+            names,
+            (curves, [1, 1]),
+            Precision::F64,
+        );
+        (report.verdict, report.missing)
+    };
+    let intact = (Verdict::Intact, Vec::new());
+    let undecided = |why: &str| (Verdict::Undecided, vec![why.to_owned()]);
+    let mut session = searching();
+    assert_eq!(missing(&mut session, 0, ["a", "b"], &pair), intact);
+    let resized = "pull-throughs of curve b: another number of points than in the previous frame";
+    assert_eq!(
+        missing(&mut session, 1, ["a", "b"], &longer),
+        undecided(resized)
+    );
+    assert_eq!(missing(&mut session, 2, ["a", "c"], &longer), intact);
+    let returned = "what became of curve b while it was gone";
+    // Also after its state was saved.
+    let options = SessionOptions {
+        events: Events::Between,
+        ..SessionOptions::default()
+    };
+    session = Session::resume(options, session.state()).unwrap();
+    assert_eq!(
+        missing(&mut session, 3, ["a", "b"], &longer),
+        undecided(returned)
+    );
+    let replaced = "all linking numbers: no curve kept its name";
+    assert_eq!(
+        missing(&mut session, 4, ["d", "e"], &longer),
+        undecided(replaced)
+    );
+    assert_eq!(
+        missing(
+            &mut session,
+            5,
+            ["e", "d"],
+            &[longer[1].clone(), longer[0].clone()]
+        ),
+        intact
+    );
+}
