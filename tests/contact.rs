@@ -277,3 +277,36 @@ fn curves_that_touch_in_the_first_frame_take_their_number_from_the_next() {
         }
     }
 }
+
+/// Regression test: the passage that began in the contact had no motion, so that one pull-through
+/// of two that cancel was certain.
+#[test]
+fn a_pull_through_that_begins_in_a_contact_may_be_unresolved() {
+    let ring = [[-1., -1., 0.], [1., -1., 0.], [1., 1., 0.], [-1., 1., 0.]];
+    let frame = |x: f64| {
+        let xyz = [&ring[..], &[[x, 0., -1.], [x, 0., 1.]]].concat().concat();
+        CurveSet::from_counts(Basis::Polyline, &[-4, 2], Positions::F64(&xyz)).unwrap()
+    };
+    for touching in [-1.0, -1.0001] {
+        let mut session = Session::new(SessionOptions {
+            events: Events::Between,
+            ..SessionOptions::default()
+        })
+        .unwrap();
+        let reports = [-2.0, touching, 3.0].map(|x| frame(x)).into_iter().zip(0..);
+        let reports: Vec<Report> = reports
+            .map(|(set, k)| session.step(k, set).report)
+            .collect();
+        let last = &reports[2];
+        assert_eq!(last.verdict, Verdict::Undecided, "{touching}: {last:?}");
+        assert_eq!(
+            (last.events.len(), last.unresolved.len()),
+            (0, 2),
+            "{last:?}"
+        );
+        assert!(
+            last.unresolved.iter().all(|event| event.lengths > 1.5),
+            "{last:?}"
+        );
+    }
+}

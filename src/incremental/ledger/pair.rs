@@ -234,7 +234,7 @@ impl Task<'_> {
         contacts.append(&mut found.contacts);
         let curves = self.curves.map(|i| frames[0].curve(i));
         cancel(&mut found.passages, curves);
-        let far = far_and_cancelling(&found.passages, self.step.motion_limit);
+        let far = far_and_cancelling(&found.passages, self.step.motion_limit, |f| &f.event);
         for (k, passage) in found.passages.iter().enumerate() {
             match far.contains(&k) {
                 true => outcome.unresolved.push(passage.event),

@@ -228,22 +228,22 @@ impl Task<'_> {
             fraction: p.time,
             sign: p.sign,
             point: p.point,
-            lengths: match p.moment {
-                Moment::Within { .. } => self.relative_motion([before, after], p.at, segments),
-                _ => 0.0,
-            },
+            lengths: self.relative_motion([before, after], p.at, segments),
         };
         if let Some(Joint { points, rests }) = self.joint([before, after], segments) {
             // A common end of pieces of one spline is no joint.
             if !self.splines() {
                 let contact = |f: usize| Contact {
-                    event: event(Passage {
-                        time: f as f64,
-                        moment: [Moment::Start, Moment::End][f],
-                        sign: 0,
-                        at: [0.0; 2],
-                        point: points[f],
-                    }),
+                    event: PullThrough {
+                        lengths: 0.0,
+                        ..event(Passage {
+                            time: f as f64,
+                            moment: [Moment::Start, Moment::End][f],
+                            sign: 0,
+                            at: [0.0; 2],
+                            point: points[f],
+                        })
+                    },
                     joint: true,
                     counted: f == 1 || rests,
                 };
