@@ -157,6 +157,10 @@ struct Converter {
     gaps: u32,
     /// Number of frames whose cell the output cannot hold.
     lost_cells: u64,
+    /// Number of cuts up to the last frame.
+    cuts: Option<u32>,
+    /// Number of cuts of the motion that the output cannot hold.
+    lost_cuts: u64,
     /// Number of points of all frames before and after the conversion.
     points: [u64; 2],
     /// True if splines are so close that their linking numbers could not be kept for certain.
@@ -206,6 +210,15 @@ impl Converter {
                 info.left_out.push(LeftOut::new(1, kind, &frame.name));
             }
             LeftOut::merge(&mut self.left_out, &info.left_out);
+            let is_cut = self.cuts.replace(info.cuts).is_some_and(|n| n != info.cuts);
+            if is_cut && !self.target.is_none_or(Format::holds_cuts) {
+                tracing::warn!(
+                    "{}: the motion is cut before this frame, which the output cannot hold: its \
+                     step may be taken for a pull-through; write .npz or .mcap",
+                    frame.name
+                );
+                self.lost_cuts += 1;
+            }
             let holds_cells = self.target.is_none_or(Format::holds_cells);
             if let Some(cell) = info.cell.filter(|_| !holds_cells) {
                 if self.lost_cells == 0 {
@@ -301,6 +314,7 @@ impl Converter {
                 "invalid_frames": self.invalid,
                 "left_out": self.left_out,
                 "lost_cells": self.lost_cells,
+                "lost_cuts": self.lost_cuts,
                 "part": self.part,
                 "points": after,
                 "points_before": before,
@@ -318,6 +332,9 @@ impl Converter {
         if self.lost_cells > 0 {
             let cells = plural(self.lost_cells, "frame");
             out!("  lost: the periodic cell of {cells}");
+        }
+        if self.lost_cuts > 0 {
+            out!("  lost: {}", plural(self.lost_cuts, "cut"));
         }
         if !self.invalid.is_empty() {
             out!(

@@ -55,18 +55,18 @@ impl Source {
         let mut frames = outline.frames.iter();
         let found = frames.position(|f| !range.is_after(f.seq, f.time));
         let skipped = found.unwrap_or(last);
-        let mut start = &outline.frames[skipped];
+        let mut start = outline.frames[skipped].clone();
         let mut verdicts = outline.verdicts.iter();
         if found.is_none() {
             // At the end of the file. A last verdict may have no frame.
             let what = "no frame in this range; the last one of the recording is frame";
             tracing::warn!("{}: {what} {}", self.path.display(), start.seq);
         } else if let Some(verdict) = verdicts.find(|v| !range.is_after(v.seq, v.time))
-            && verdict.is_before(start)
+            && verdict.is_before(&start)
         {
-            start = verdict;
+            start = verdict.with_baseline_of(&start);
         }
-        self.reader.go_to(start).map_err(in_file)?;
+        self.reader.go_to(&start).map_err(in_file)?;
         Ok(Some(skipped))
     }
 }

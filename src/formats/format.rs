@@ -208,6 +208,11 @@ impl Format {
         matches!(self, LammpsData | LammpsDump | Npz | Xyz)
     }
 
+    /// Returns true if a file of this format can hold where the motion of a simulator is cut.
+    pub fn holds_cuts(self) -> bool {
+        self == Format::Npz
+    }
+
     /// Returns true if a file of this format can hold splines. The positions of an array alone
     /// would be read as those of polylines.
     pub fn holds_splines(self) -> bool {

@@ -1,7 +1,8 @@
 //! `linkwatch convert`, and models in folders, patterns and files with several frames.
 
 use crate::support::command::{linkwatch, text};
-use linkwatch::{Basis, CurveSet, Positions, formats};
+use linkwatch::formats::{Format, FrameWriter, ModelFrame};
+use linkwatch::{Basis, CurveSet, FrameInfo, Positions, formats};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -444,4 +445,29 @@ fn an_array_needs_counts_if_a_long_segment_closes_a_curve() {
         linkwatch(&["certify", counts, text(&array)]).stdout,
         expected
     );
+}
+
+/// Regression test: the steps over the cuts of a recording became pull-throughs in its copy.
+#[test]
+fn cuts_that_a_format_cannot_hold_are_counted() {
+    let folder = TempDir::new().unwrap();
+    let [input, copy] = ["cut.npz", "copy.npz"].map(|name| folder.path().join(name));
+    let mut writer = FrameWriter::create(&input, Format::Npz).unwrap();
+    for (k, path) in squares(folder.path(), 4).iter().enumerate() {
+        let mut info = FrameInfo::at(k as u64, k as f64);
+        info.cuts = [0, 1, 1, 2][k];
+        let curves = formats::read(path);
+        writer.frame(&ModelFrame::of(info, curves)).unwrap();
+    }
+    writer.finish().unwrap();
+    for (name, lost) in [("copy.npz", 0), ("a.mcap", 0), ("a.npy", 2), ("a.obj", 2)] {
+        let output = folder.path().join(name);
+        // The copy has the cuts, too.
+        let from = if lost > 0 { &copy } else { &input };
+        let run = linkwatch(&["--json", "convert", text(from), text(&output)]);
+        assert_eq!(run.code, 0, "{}", run.stderr);
+        let said: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+        assert_eq!(said["lost_cuts"], lost, "{name}");
+        assert_eq!(run.stderr.contains("the motion is cut before"), lost > 0);
+    }
 }

@@ -433,3 +433,43 @@ fn a_recorded_sequence_gives_the_same_verdicts_again() {
     let run = check(&models, &["--record", text(&recording)]);
     assert_eq!(run.code, 2, "the recording exists");
 }
+
+/// Regression test: the compressed frames were left out, and the others were intact.
+#[test]
+fn a_folder_with_compressed_models_is_refused() {
+    let folder = TempDir::new().unwrap();
+    let models = folder.path().join("models");
+    std::fs::create_dir(&models).unwrap();
+    crate::chain(&models, "f0.bcc", 0.5);
+    crate::chain(&models, "f1.bcc", 0.5);
+    let check = || linkwatch(&["check", text(&models)]);
+    assert_eq!(check().code, 0);
+    std::fs::write(models.join("notes.txt.gz"), "").unwrap();
+    std::fs::write(models.join("f1.bcc.gz"), "").unwrap();
+    assert_eq!(check().code, 0);
+    std::fs::write(models.join("f2.bcc.gz"), "").unwrap();
+    let refused = check();
+    assert_eq!(refused.code, 2, "{}", refused.stderr);
+    assert!(
+        refused
+            .stderr
+            .contains("f2.bcc.gz is compressed: decompress it"),
+        "{}",
+        refused.stderr
+    );
+}
+
+/// Regression test: the frame that was recorded as changed was intact in the replay.
+#[test]
+fn a_replay_that_cannot_repeat_a_violation_is_not_intact() {
+    let folder = TempDir::new().unwrap();
+    let files = motion(folder.path(), 1.0, false);
+    let recording = folder.path().join("run.mcap");
+    let mut args = vec!["check", "--record", text(&recording)];
+    args.extend(files.iter().map(String::as_str));
+    assert_eq!(linkwatch(&args).code, 1);
+    let replayed = linkwatch(&["replay", text(&recording), "--from", "7"]);
+    assert_eq!(replayed.code, 3, "{}", replayed.stdout);
+    let says = "worse in the recording";
+    assert!(replayed.stdout.contains(says), "{}", replayed.stdout);
+}

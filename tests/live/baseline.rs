@@ -240,7 +240,8 @@ fn an_accepted_state_is_the_new_baseline() {
 /// violation was intact.
 #[test]
 fn a_replay_that_begins_later_expects_the_accepted_state() {
-    for (name, settings) in [("all", ""), ("window", ",window=0.01")] {
+    let windows = [("window", ",window=0.01"), ("one window", ",window=100")];
+    for (name, settings) in [("all", "")].into_iter().chain(windows) {
         let folder = TempDir::new().unwrap();
         let service = service(&format!("accepted {name}"));
         let recording = folder.path().join("run.mcap");

@@ -16,10 +16,12 @@ pub struct Comparison {
     pub unlike: u64,
     /// Rejected frames. Their curves are not recorded, so their verdicts cannot be repeated.
     pub rejected: u64,
-    /// Frames of which something is unknown, as the step to a frame after a restart.
+    /// Frames that were not fully verified, as the step to a frame after a restart.
     pub incomplete: u64,
     /// Frames after missing ones: the motion to them differs from the recorded one.
     pub after_missing: u64,
+    /// Frames that are not compared, and were recorded with a worse verdict.
+    pub worse: u64,
     /// Frames of which the recorder kept only the verdict, on purpose.
     pub thinned: u64,
     /// Frames that the recorder left out on purpose, or put into another file.
@@ -56,7 +58,7 @@ impl Comparison {
         let after_missing = "the frames before them are not in the recording";
         let uncompared = [
             (self.rejected, rejected),
-            (self.incomplete, "the step to them was unknown"),
+            (self.incomplete, "recorded as not fully verified"),
             (self.after_missing, after_missing),
             (self.thinned, "their curves were left out on purpose"),
         ];
@@ -64,6 +66,10 @@ impl Comparison {
         let mut words = format!("verdicts: {equal} equal to the recorded ones{unlike}");
         for (n, why) in uncompared.into_iter().filter(|(n, _)| *n > 0) {
             words += &format!("; {} not compared: {why}", count(n));
+        }
+        if self.worse > 0 {
+            let frames = plural_of(self.worse, "verdict is", "verdicts are");
+            words += &format!("; {frames} worse in the recording");
         }
         if self.left_out > 0 {
             let frames = plural_of(self.left_out, "frame was", "frames were");

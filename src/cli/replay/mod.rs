@@ -46,10 +46,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut missing = MissingFrames::of_no_frames();
     let begin = baseline.as_ref().and_then(|baseline| baseline.frame);
     let mut left_out = false;
-    // Windows have baselines of their own, which must be read.
     let windows = source.reader.metadata().contains_key(Retention::WINDOW);
     if range.from.is_some()
-        && !windows
         && let Some(skipped) = source.go_to_start(&range)?
     {
         // These are read again if they are in the range.
@@ -275,6 +273,14 @@ impl Replay<'_> {
         (self.left_out, self.restarted) = (true, true);
     }
 
+    /// Notes a frame that cannot be compared, and whose recorded verdict is worse.
+    fn note_worse(&mut self, found: &Report, recorded: &Report) {
+        if Outcome::of(recorded.verdict) > Outcome::of(found.verdict) {
+            self.comparison.worse += 1;
+            self.run.data_lost();
+        }
+    }
+
     /// Compares a recorded verdict with the one of this replay.
     fn compare(&mut self, recorded: RecordedVerdict) {
         let (mut report, progress) = (recorded.report, recorded.progress);
@@ -312,11 +318,20 @@ impl Replay<'_> {
         let moved = moved || unfounded;
         match last {
             Some(_) if !self.comparison.differing.is_empty() => {}
-            Some(_) if !report.missing.is_empty() => self.comparison.incomplete += 1,
+            Some(found) if !report.missing.is_empty() => {
+                self.comparison.incomplete += 1;
+                // What the first one was compared with is not in the recording.
+                if !is_first {
+                    self.note_worse(&found, &report);
+                }
+            }
             Some(found) if (restarted || !moved) && alike(&found, &report, after_gap) => {
                 self.comparison.equal += 1;
             }
-            Some(_) if moved => self.comparison.after_missing += 1,
+            Some(found) if moved => {
+                self.comparison.after_missing += 1;
+                self.note_worse(&found, &report);
+            }
             Some(found) => {
                 tracing::error!("live:   {}", report.headline());
                 tracing::error!("replay: {}", found.headline());

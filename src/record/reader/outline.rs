@@ -19,7 +19,7 @@ pub struct FramePlace {
     place: Place,
     /// Names and radii of its curves.
     labels: Arc<CurveLabels>,
-    /// Place of its baseline, if that replaced the one before.
+    /// Place of its baseline, if that replaced the first one.
     accepted: Option<Place>,
 }
 
@@ -27,6 +27,15 @@ impl FramePlace {
     /// Returns true if this place is before another one of the same recording.
     pub fn is_before(&self, other: &FramePlace) -> bool {
         self.place < other.place
+    }
+
+    /// Returns this place, to be read with the baseline of a later frame.
+    #[cfg(feature = "cli")]
+    pub(crate) fn with_baseline_of(&self, frame: &FramePlace) -> FramePlace {
+        FramePlace {
+            accepted: frame.accepted,
+            ..self.clone()
+        }
     }
 }
 
@@ -72,8 +81,15 @@ impl<R: Read + Seek> RecordingReader<R> {
     fn skim(&mut self) -> Result<Outline> {
         let mut outline = Outline::default();
         (self.labels, self.accepted) = (Arc::default(), None);
+        let mut has_baseline = false;
         while let Some(message) = self.next_message(true)? {
             let (channel, place) = (message.0, message.3);
+            if let Channel::Baseline = channel
+                && std::mem::replace(&mut has_baseline, true)
+            {
+                // Of another window.
+                self.accepted = Some(place);
+            }
             let (labels, accepted) = (Arc::clone(&self.labels), self.accepted);
             let at = |(seq, time)| FramePlace {
                 seq,
