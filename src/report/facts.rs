@@ -130,6 +130,9 @@ pub(super) struct Facts {
     /// First frame with a changed topology, and first frame with any other verdict than intact.
     pub changed: Option<NamedFinding>,
     pub unsettled: Option<NamedFinding>,
+    /// The same, without the frames of violations that were rolled back or accepted.
+    pub lasting_changed: Option<NamedFinding>,
+    pub lasting_unsettled: Option<NamedFinding>,
     pub violations: Violations,
     pub pull_throughs: Rows<PullThroughRow>,
     /// Number of unresolved pull-throughs.
@@ -248,9 +251,16 @@ struct Collector {
     accepted: Option<u64>,
     /// Number of rejected frames after the last verified one.
     rejected: u64,
-    /// Number of frames with each verdict in the current violation.
-    violation: Option<[u64; 6]>,
+    violation: Option<Violation>,
     missing: MissingFrames,
+}
+
+/// The current violation.
+struct Violation {
+    /// Number of its frames with each verdict.
+    verdicts: [u64; 6],
+    /// What lasted before it: a change, and another finding.
+    before: (Option<NamedFinding>, Option<NamedFinding>),
 }
 
 impl Collector {
@@ -315,15 +325,22 @@ impl Collector {
         if ended != [counts.recovered, counts.accepted]
             && let Some(violation) = self.violation.take()
         {
-            for (all, of_violation) in facts.lasting.iter_mut().zip(violation) {
+            for (all, of_violation) in facts.lasting.iter_mut().zip(violation.verdicts) {
                 *all -= of_violation;
             }
+            (facts.lasting_changed, facts.lasting_unsettled) = violation.before;
         }
         if report.abort || report.verdict == Verdict::Changed {
-            self.violation.get_or_insert_default();
+            self.violation.get_or_insert_with(|| Violation {
+                verdicts: [0; 6],
+                before: (
+                    facts.lasting_changed.clone(),
+                    facts.lasting_unsettled.clone(),
+                ),
+            });
         }
         if let Some(violation) = &mut self.violation {
-            violation[report.verdict as usize] += 1;
+            violation.verdicts[report.verdict as usize] += 1;
         }
         if report.verdict == Verdict::Rejected {
             counts.rejected += 1;
@@ -372,11 +389,14 @@ impl Collector {
                 },
             });
         }
-        if report.verdict == Verdict::Changed && facts.changed.is_none() {
-            facts.changed = Some(found(report, names));
+        let found = || found(report, names);
+        if report.verdict == Verdict::Changed {
+            facts.changed.get_or_insert_with(found);
+            facts.lasting_changed.get_or_insert_with(found);
         }
-        if report.verdict != Verdict::Intact && facts.unsettled.is_none() {
-            facts.unsettled = Some(found(report, names));
+        if report.verdict != Verdict::Intact {
+            facts.unsettled.get_or_insert_with(found);
+            facts.lasting_unsettled.get_or_insert_with(found);
         }
         let Some(clearance) = &report.clearance else {
             return;

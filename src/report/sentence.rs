@@ -51,9 +51,10 @@ impl Facts {
     pub fn sentence(&self) -> String {
         let conclusion = self.conclusion();
         let found = match conclusion {
-            Conclusion::Changed => &self.changed,
+            Conclusion::Changed => &self.lasting_changed,
             Conclusion::Intact | Conclusion::Incomplete => &None,
-            _ => &self.unsettled,
+            Conclusion::Accepted | Conclusion::Recovered => &self.unsettled,
+            _ => &self.lasting_unsettled,
         };
         let Some(found) = found else {
             return self.intact();
@@ -74,10 +75,16 @@ impl Facts {
             ),
             _ => {
                 let all = self.counts.verified + self.counts.rejected;
-                let unproven = count(all - self.of(Verdict::Intact));
+                let lasting: u64 = self.lasting.iter().sum();
+                let unproven = count(lasting - self.lasting[Verdict::Intact as usize]);
                 let frames = plural_of(all, "frame is", "frames are");
+                let lasts = if self.changed.is_some() {
+                    "lasts"
+                } else {
+                    "was found"
+                };
                 format!(
-                    "No change was found, but {unproven} of {frames} not known to be intact; the \
+                    "No change {lasts}, but {unproven} of {frames} not known to be intact; the \
                      first is {found}."
                 )
             }
@@ -103,11 +110,15 @@ impl Facts {
         let frames = plural(self.counts.verified, "frame");
         let frames = format!("{frames}{}{open}", span.unwrap_or_default());
         let gaps = self.gaps().join(", ");
+        let recorded = match self.unsettled {
+            None => "what was recorded is intact",
+            Some(_) => "no violation lasts in what was recorded",
+        };
         match (self.is_incomplete(), gaps.as_str()) {
             (false, "") => format!("Intact: {frames}."),
             (false, gaps) => format!("Intact as far as verified: {frames}; {gaps}."),
-            (true, "") => format!("Not complete: what was recorded is intact: {frames}."),
-            (true, gaps) => format!("Not complete: {gaps}; what was recorded is intact: {frames}."),
+            (true, "") => format!("Not complete: {recorded}: {frames}."),
+            (true, gaps) => format!("Not complete: {gaps}; {recorded}: {frames}."),
         }
     }
 

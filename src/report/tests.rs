@@ -83,6 +83,8 @@ struct Recorded {
     missing: u64,
     /// Number of verified frames before the last one that are left out on purpose.
     left_out: u64,
+    /// Frame from which on a violation is recovered.
+    recovered: Option<usize>,
 }
 
 impl Recorded {
@@ -147,6 +149,7 @@ impl Recorded {
                 info: info.clone(),
                 report: Arc::new(report),
                 progress: RunProgress {
+                    recovered: self.recovered.is_some_and(|first| k >= first).into(),
                     verified,
                     skipped: if is_last { self.skipped } else { 0 },
                     rejected,
@@ -225,6 +228,35 @@ fn no_sentence_hides_frames_that_are_not_known_to_be_intact() {
         ..Recorded::default().frame(Verdict::Rejected, rejected)
     };
     assert_eq!(run.report().conclusion(), Conclusion::Undecided);
+}
+
+/// Regression test: the violation that was rolled back was named, and "no change was found".
+#[test]
+fn a_violation_that_was_rolled_back_is_not_named_as_one_that_lasts() {
+    let run = || {
+        let changed = |r: &mut Report| r.changes = vec![change(0, 1)];
+        let run = Recorded::default()
+            .intact()
+            .frame(Verdict::Changed, changed);
+        Recorded {
+            recovered: Some(2),
+            ..run.intact()
+        }
+    };
+    let rejected = |r: &mut Report| r.rejected = Some("coordinate x is NaN".into());
+    let undecided = run().frame(Verdict::Rejected, rejected);
+    let sentence = "No change lasts, but 1 of 4 frames are not known to be intact; the first is \
+                    frame 3 at 1.5 s (rejected): coordinate x is NaN.";
+    let report = says(undecided, Conclusion::Undecided, sentence);
+    assert_eq!(report.json()["first_violation"]["frame"], 3);
+    assert_eq!(report.json()["first_changed"]["frame"], 1);
+    let lost = Recorded {
+        missing: 1,
+        ..run()
+    };
+    let sentence = "Not complete: 1 frame was not recorded; no violation lasts in what was \
+                    recorded: 3 frames, from frame 0 to frame 2 at 1 s.";
+    says(lost, Conclusion::Incomplete, sentence);
 }
 
 #[test]

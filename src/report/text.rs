@@ -65,7 +65,7 @@ impl RunReport {
             "first": facts.span.map(|[first, _]| first),
             "last": facts.span.map(|[_, last]| last),
             "first_changed": facts.changed,
-            "first_violation": facts.unsettled,
+            "first_violation": facts.lasting_unsettled,
             "scene": {
                 "curves": stats.curves,
                 "open_curves": stats.open_curves,
