@@ -6,6 +6,7 @@ use super::recorded::Recorded;
 use linkwatch::formats::{Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
 use linkwatch::{CurveSet, Error, LeftOut, RecordingReader, Result, formats};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// Information on curves that some formats lack.
@@ -59,6 +60,7 @@ impl FormatArgs {
             closed: self.closed,
             topic: self.topic.clone(),
             wrapped: cells.wrapped.is_some(),
+            has_cell: cells.gives_cell(),
         }
     }
 }
@@ -141,21 +143,42 @@ pub fn expand_models(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
 fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let refuse = |why: String| usage!("{}: {why}", folder.display());
     let entries = std::fs::read_dir(folder).map_err(|e| refuse(e.to_string()))?;
-    let files = entries.flatten().map(|entry| entry.path());
+    let files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
     let is_model = |file: &PathBuf| match formats::Format::of(file) {
         // A folder may have tables of numbers, which are no points.
         Ok(format) => file.is_file() && format != formats::Format::Points,
         // USD, which is refused when it is opened.
         Err(e) => matches!(e, Error::InFile { .. }),
     };
-    let mut models: Vec<PathBuf> = files.filter(is_model).collect();
+    let (mut models, others): (Vec<_>, Vec<_>) = files.into_iter().partition(is_model);
     models.sort();
+    let format = models.first().map(|model| formats::Format::of(model));
+    if let Some(file) = others.iter().find(|file| is_compressed(file, &format)) {
+        let advice = "is compressed: decompress it, or give a pattern or the files";
+        return Err(refuse(format!("{} {advice}", file.display())));
+    }
     if models.is_empty() {
         let known = formats::MODEL_FILES;
         return Err(refuse(format!("the folder holds no models ({known})")));
     }
     order::sort(&mut models);
     Ok(models)
+}
+
+/// Returns true if a file is a compressed model of the format of the others, if there are any.
+fn is_compressed(file: &Path, others: &Option<Result<formats::Format>>) -> bool {
+    const SUFFIXES: [&str; 7] = ["gz", "xz", "bz2", "zst", "lz4", "zip", "z"];
+    let extension = file.extension().unwrap_or_default();
+    let plain = file.with_extension("");
+    let fits = |format| match others {
+        Some(Ok(other)) => format == *other,
+        _ => true,
+    };
+    SUFFIXES
+        .iter()
+        .any(|suffix| extension.eq_ignore_ascii_case(suffix))
+        && !plain.exists()
+        && formats::Format::of(&plain).is_ok_and(fits)
 }
 
 /// Checks that the models of a folder may be frames of one motion.

@@ -1,20 +1,32 @@
 //! Order of model files: a shell sorts `F1 F10 F2`, but the frames of a motion are `F1 F2 F10`.
 
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::path::PathBuf;
 
 /// Part of a name: text, or a decimal number. Numbers come first, ordered by value.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Part<'a> {
-    /// Number of integer digits, these digits without leading zeros, and those after a decimal
-    /// point.
-    Number(usize, &'a str, &'a str),
+    /// Number of integer digits, these digits without leading zeros, those after a decimal point,
+    /// and whether the number has an exponent, which is applied to the digits.
+    Number(usize, Cow<'a, str>, Cow<'a, str>, bool),
     Text(&'a str),
 }
 
-/// Splits a name into texts and numbers. Digits after a point belong to the number before it if
-/// `decimals` is true, and are a number of their own otherwise.
-fn parts(name: &str, decimals: bool) -> Vec<Part<'_>> {
+/// How numbers in names are read.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Reading {
+    /// Digits after a point are a number of their own.
+    Counts,
+    /// Digits after a point belong to the number before it.
+    Decimals,
+    /// Decimals, which may have an exponent.
+    Exponents,
+}
+
+/// Splits a name into texts and numbers.
+fn parts(name: &str, reading: Reading) -> Vec<Part<'_>> {
+    let decimals = reading != Reading::Counts;
     let digits = |s: &str| s.len() - s.trim_start_matches(|c: char| c.is_ascii_digit()).len();
     let mut parts = Vec::new();
     let mut rest = name;
@@ -29,46 +41,111 @@ fn parts(name: &str, decimals: bool) -> Vec<Part<'_>> {
         }
         let fraction = after.strip_prefix('.').filter(|_| decimals);
         let fraction = fraction.map_or("", |f| &f[..digits(f)]);
-        let whole = whole.trim_start_matches('0');
-        parts.push(Part::Number(whole.len(), whole, fraction));
         rest = match fraction {
             "" => after,
             fraction => &after[1 + fraction.len()..],
         };
+        let trimmed = |whole: &str| whole.len() - whole.trim_start_matches('0').len();
+        let exponent = exponent(rest).filter(|_| reading == Reading::Exponents);
+        parts.push(match exponent {
+            None => {
+                let whole = &whole[trimmed(whole)..];
+                Part::Number(whole.len(), whole.into(), fraction.into(), false)
+            }
+            Some((by, after)) => {
+                rest = after;
+                let [mut whole, fraction] = scaled(whole, fraction, by);
+                whole.drain(..trimmed(&whole));
+                Part::Number(whole.len(), whole.into(), fraction.into(), true)
+            }
+        });
     }
     parts
 }
 
+/// Splits an exponent with a sign from the start of a text: `e-05`.
+fn exponent(text: &str) -> Option<(i32, &str)> {
+    let signed = text.strip_prefix(['e', 'E'])?;
+    let digits = signed.strip_prefix(['+', '-'])?;
+    let rest = digits.trim_start_matches(|c: char| c.is_ascii_digit());
+    let number = &signed[..signed.len() - rest.len()];
+    // A sign and at most three digits, as programs write it.
+    let by = number.parse().ok().filter(|_| number.len() <= 4)?;
+    Some((by, rest))
+}
+
+/// Returns the digits before and after the point of a number times a power of 10.
+fn scaled(whole: &str, fraction: &str, by: i32) -> [String; 2] {
+    let mut digits = format!("{whole}{fraction}");
+    let point = whole.len() as i32 + by;
+    let zeros = |n: i32| "0".repeat(n.max(0) as usize);
+    digits.insert_str(0, &zeros(-point));
+    digits += &zeros(point - digits.len() as i32);
+    let fraction = digits.split_off(point.max(0) as usize);
+    [digits, fraction]
+}
+
 /// Returns the sort key of a path: its folders one by one, and the name of the file before its
 /// extension, so that `out.obj` comes before `out1.obj`.
-fn key(path: &str, decimals: bool) -> Vec<Vec<Part<'_>>> {
+fn key(path: &str, reading: Reading) -> Vec<Vec<Part<'_>>> {
     let names = path.split(['/', '\\']).flat_map(name_and_extension);
-    names.map(|name| parts(name, decimals)).collect()
+    names.map(|name| parts(name, reading)).collect()
 }
 
-/// Returns the digits after a point of each number in the name of a file.
-fn fractions(name: &str) -> Vec<&str> {
+/// Returns the digits after a point of each number in the name of a file. Those of a number with an
+/// exponent are decimals, and left out.
+fn fractions(name: &str) -> Vec<Cow<'_, str>> {
     let file = name.rsplit(['/', '\\']).next().unwrap_or(name);
     let digits = |part| match part {
-        Part::Number(_, _, digits) => Some(digits),
+        Part::Number(_, _, digits, false) => Some(digits),
+        Part::Number(..) => Some(Cow::Borrowed("")),
         Part::Text(_) => None,
     };
-    parts(file, true).into_iter().filter_map(digits).collect()
+    parts(file, Reading::Exponents)
+        .into_iter()
+        .filter_map(digits)
+        .collect()
 }
 
-/// Returns false if the digits after a point count, as in `run2.9`, `run2.10`: they differ in
-/// length, and some end with 0.
-fn are_decimals(names: &[String]) -> bool {
-    let of_files: Vec<Vec<&str>> = names.iter().map(|name| fractions(name)).collect();
+/// Returns how the numbers in names are read. Digits after a point count, as in `run2.9`,
+/// `run2.10`, if they differ in length, and some end with 0. Numbers have exponents if those before
+/// the exponents differ, or have decimals: `take1e-01`, `take1e-02` have none.
+fn reading(names: &[String]) -> Reading {
+    let of_files: Vec<Vec<_>> = names.iter().map(|name| fractions(name)).collect();
     let most = of_files.iter().map(Vec::len).max().unwrap_or(0);
-    !(0..most).any(|k| {
-        let same_place = of_files.iter().filter_map(|file| file.get(k).copied());
+    let are_counts = (0..most).any(|k| {
+        let same_place = of_files
+            .iter()
+            .filter_map(|file| file.get(k).map(|digits| &**digits));
         let mut same_place = same_place.filter(|digits| !digits.is_empty());
         let lengths: HashSet<usize> = same_place.clone().map(str::len).collect();
         // A time of `0.000` is no count.
         let counts = |digits: &str| digits.ends_with('0') && !digits.trim_matches('0').is_empty();
         lengths.len() > 1 && same_place.any(counts)
-    })
+    });
+    if are_counts {
+        return Reading::Counts;
+    }
+    let mut before = HashSet::new();
+    let mut has_decimals = false;
+    for name in names {
+        for three in parts(name, Reading::Decimals).array_windows() {
+            if let [
+                Part::Number(_, whole, digits, _),
+                Part::Text(sign),
+                Part::Number(..),
+            ] = three
+                && ["e-", "e+", "E-", "E+"].contains(sign)
+            {
+                has_decimals |= !digits.is_empty();
+                before.insert(whole.to_string());
+            }
+        }
+    }
+    match before.len() > 1 || has_decimals {
+        true => Reading::Exponents,
+        false => Reading::Decimals,
+    }
 }
 
 /// Splits a name before its extension, which does not begin with a digit: `t0.25` has none.
@@ -82,12 +159,12 @@ fn name_and_extension(name: &str) -> [&str; 2] {
 }
 
 /// Returns true if the names differ in nothing but their numbers.
-fn same_texts(a: &str, b: &str) -> bool {
+fn same_texts(a: &str, b: &str, reading: Reading) -> bool {
     let text = |part| match part {
         Part::Text(text) => Some(text),
         Part::Number(..) => None,
     };
-    let texts = |name| parts(name, true).into_iter().map(text);
+    let texts = |name| parts(name, reading).into_iter().map(text);
     texts(a).eq(texts(b))
 }
 
@@ -102,10 +179,12 @@ fn letters(name: &str) -> String {
 /// without punctuation. Returns true if the order changed.
 pub fn sort(files: &mut [PathBuf]) -> bool {
     let names = names(files);
-    let numbered = names.array_windows().all(|[a, b]| same_texts(a, b));
+    let reading = reading(&names);
+    // Digits after a point may be there in some names only: `t0`, `t0.25`.
+    let texts = reading.max(Reading::Decimals);
+    let numbered = names.array_windows().all(|[a, b]| same_texts(a, b, texts));
     let of_shell = names.is_sorted() || names.is_sorted_by_key(|name| letters(name));
-    let decimals = are_decimals(&names);
-    if !(numbered || of_shell) || names.is_sorted_by_key(|name| key(name, decimals)) {
+    if !(numbered || of_shell) || names.is_sorted_by_key(|name| key(name, reading)) {
         return false;
     }
     sort_by_number(files);
@@ -114,10 +193,10 @@ pub fn sort(files: &mut [PathBuf]) -> bool {
 
 /// Sorts files by the numbers in their names, also if somebody chose another order.
 pub fn sort_by_number(files: &mut [PathBuf]) {
-    let decimals = are_decimals(&names(files));
+    let reading = reading(&names(files));
     files.sort_by(|a, b| {
         let [a, b] = [a, b].map(|file| file.to_string_lossy());
-        key(&a, decimals).cmp(&key(&b, decimals))
+        key(&a, reading).cmp(&key(&b, reading))
     });
 }
 
@@ -125,11 +204,18 @@ pub fn sort_by_number(files: &mut [PathBuf]) {
 /// other way (`run1.5` before `run1.15`, or `0.15` before `0.5`), and no name decides it.
 pub fn is_unclear(files: &[PathBuf]) -> bool {
     let names = names(files);
-    let [one, other] = [true, false].map(|way| names.is_sorted_by_key(|name| key(name, way)));
+    let reading = reading(&names);
+    let in_order = |reading| names.is_sorted_by_key(|name| key(name, reading));
+    let all = names.iter().flat_map(|name| fractions(name));
+    let all: Vec<_> = all.filter(|digits| !digits.is_empty()).collect();
     // No count begins with 0.
-    let mut all = names.iter().flat_map(|name| fractions(name));
-    let decided = all.any(|digits| digits.len() > 1 && digits.starts_with('0'));
-    one != other && !decided && are_decimals(&names)
+    let decided = all
+        .iter()
+        .any(|digits| digits.len() > 1 && digits.starts_with('0'));
+    reading != Reading::Counts
+        && !all.is_empty()
+        && !decided
+        && in_order(reading) != in_order(Reading::Counts)
 }
 
 fn names(files: &[PathBuf]) -> Vec<String> {
@@ -150,7 +236,9 @@ mod tests {
 
     #[test]
     fn sorts_numbered_files_by_number() {
-        let cases: [&[&str]; 6] = [
+        let cases: [&[&str]; 9] = [
+            &["1e-05.obj", "2e-05.obj", "1e-04.obj"],
+            &["v1e-01.obj", "v1e-02.obj", "v1e-10.obj", "v1e-0011.obj"],
             &["F1.bcc", "F2.bcc", "F10.bcc"],
             &["run 3/F1.bcc", "run 20/F0.bcc", "run 20/F1.bcc"],
             &["t0.bcc", "t0.25.bcc", "t0.5.bcc", "t1.125.bcc", "t10.bcc"],
@@ -163,6 +251,14 @@ mod tests {
             ],
             &["F1", "F01", "F2"],
             &["F1.bcc"],
+            &[
+                "t0.0e+00.obj",
+                "t9.5e-05.obj",
+                "t1.00E-4.obj",
+                "t3e-01.obj",
+                "t2.5.obj",
+                "t1e+10.obj",
+            ],
         ];
         for expected in cases {
             let mut reversed = expected.to_vec();

@@ -26,6 +26,8 @@ pub struct ReadOptions {
     /// True if coordinates may be wrapped into the periodic cell: the caller unwraps the curves, so
     /// curves that are torn at the boundary are not refused.
     pub wrapped: bool,
+    /// True if the caller has the cell of the frames, so that none in another form is missed.
+    pub has_cell: bool,
 }
 
 impl ReadOptions {

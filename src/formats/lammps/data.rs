@@ -124,10 +124,16 @@ pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Dat
     }
 }
 
-/// Returns the periodic directions by the title of a file.
+/// Returns the periodic directions by the title of a file, if it has the command `boundary`.
 fn boundary(title: &[u8]) -> [bool; 3] {
-    let words: Vec<&[u8]> = words(title).collect();
-    let named = words.windows(4).find(|w| w[0] == b"boundary");
+    let is_between = |b: &u8| !b.is_ascii_alphanumeric();
+    let words: Vec<&[u8]> = title
+        .split(is_between)
+        .filter(|word| !word.is_empty())
+        .collect();
+    let is_code = |word: &&[u8]| word.len() <= 2 && word.iter().all(|c| b"pfsm".contains(c));
+    let mut windows = words.windows(4);
+    let named = windows.find(|w| w[0] == b"boundary" && w[1..].iter().all(is_code));
     named.map_or([true; 3], |w| [1, 2, 3].map(|x| w[x].starts_with(b"p")))
 }
 

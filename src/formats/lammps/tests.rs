@@ -217,6 +217,21 @@ fn a_data_file_is_periodic_unless_its_title_says_otherwise() {
     let slab = format!("{},{},0", edges[0], edges[1]);
     assert_eq!(cell("t, boundary p p f").unwrap(), slab);
     assert_eq!(cell("boundary f s m"), None);
+    for title in [
+        "boundary p p f, units lj",
+        "slab (boundary p p f)",
+        "boundary: p p f",
+    ] {
+        assert_eq!(cell(title).unwrap(), slab, "{title}");
+    }
+    // Regression test: these were no directions that repeat.
+    for title in [
+        "melt, periodic boundary conditions in LJ units",
+        "boundary set by hand",
+        "boundary",
+    ] {
+        assert_eq!(cell(title).unwrap(), all, "{title}");
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@ use super::array::{Array, Kind};
 use super::{Cells, FORMAT, Others};
 use crate::curve::{Basis, Cell, CurveLabels, Point};
 use crate::error::{Error, Result};
+use crate::formats::lines::is_in;
 use crate::formats::{little_endian, quote};
 use crate::verdict::LeftOut;
 use rawzip::ReaderAt;
@@ -20,13 +21,17 @@ const READ: &str = "\
 
 /// Names of arrays of vectors that are no points.
 const VECTORS: &str = "\
-    acceleration accelerations angular_velocities angular_velocity box boxes color colors \
-    colours directors force forces lattice normals origin tangents torques velocities \
-    velocity vel";
+    acceleration accelerations angular_velocities angular_velocity color colors colours directors \
+    force forces normals origin tangents torques velocities velocity vel";
+
+/// Names of arrays that other programs give to a periodic cell, in lower case.
+const CELLS: &str = "\
+    box box_length box_lengths box_size box_vectors boxes boxsize cells cell_vectors dimensions \
+    lattice unit_cell unitcell";
 
 /// Returns what the writer of the archive left out, and counts the arrays of other names that may
-/// hold points of curves.
-pub(super) fn left_out(archive: &Archive<impl ReaderAt>) -> Result<Vec<LeftOut>> {
+/// hold points of curves, or a cell if `has_cell` is false.
+pub(super) fn left_out(archive: &Archive<impl ReaderAt>, has_cell: bool) -> Result<Vec<LeftOut>> {
     let mut list = Vec::new();
     if let Some(said) = Values::find(archive, "left_out")? {
         for text in said.texts()? {
@@ -37,9 +42,21 @@ pub(super) fn left_out(archive: &Archive<impl ReaderAt>) -> Result<Vec<LeftOut>>
             LeftOut::add(&mut list, kind, || text);
         }
     }
+    let has_cell = has_cell || archive.find("cell").is_some();
     for member in archive.others(&[READ, VECTORS]) {
-        let array = archive.header(member)?;
         let name = &member.name;
+        let lower = name.to_ascii_lowercase();
+        let array = archive.header(member)?;
+        if is_in(CELLS, &lower) {
+            if !has_cell && array.is_ok_and(|array| may_be_cell(&lower, &array)) {
+                let kind = [
+                    "array that may be a periodic cell, which is read from an array `cell`",
+                    "arrays that may be periodic cells, which are read from an array `cell`",
+                ];
+                LeftOut::add(&mut list, kind, || name.clone());
+            }
+            continue;
+        }
         let what = match array {
             Ok(array) if may_hold_points(&array) => {
                 format!("{name}, {} of type {}", array.shape_text(), array.descr)
@@ -55,6 +72,22 @@ pub(super) fn left_out(archive: &Archive<impl ReaderAt>) -> Result<Vec<LeftOut>>
         LeftOut::add(&mut list, kind, || what);
     }
     Ok(list)
+}
+
+/// Returns true if an array of the name of a cell has the shape of one, or of one in each frame.
+/// Integers may also be sizes of a grid, and connect points.
+fn may_be_cell(name: &str, array: &Array) -> bool {
+    let is_box = name.starts_with("box");
+    let is_cell = |shape: &[u64]| matches!(shape, [3 | 6 | 9] | [3 | 4, 3]);
+    let fits = match &array.shape[..] {
+        [] => is_box,
+        shape => is_cell(shape) || is_cell(&shape[1..]),
+    };
+    fits && match array.kind {
+        Kind::Float => true,
+        Kind::Signed | Kind::Unsigned => is_box,
+        _ => false,
+    }
 }
 
 /// Returns true if an array has the shape of two or more points.

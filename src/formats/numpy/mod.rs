@@ -32,8 +32,8 @@
 //! refused, because it looks like edges of each frame.
 //!
 //! Arrays of other names are ignored, unless they may hold points (two or more rows of three
-//! floats, or pickled objects), and no vectors by their names:
-//! then they are counted as left out.
+//! floats, or pickled objects), and no vectors by their names, or a cell of another name
+//! (`box`, `lattice`, ..): then they are counted as left out.
 //!
 //! Times, radii and cells are f4, f8 or integers of at most 2^53. Arrays in Fortran order, of other
 //! types, and of pickled objects are refused.
@@ -90,7 +90,7 @@ pub(super) fn read_npz<'a>(
 ) -> Result<Source<'a>> {
     let archive = archive::Archive::open(input.bytes, input.len)?;
     let mut others = labels::read(&archive)?;
-    others.left_out = labels::left_out(&archive)?;
+    others.left_out = labels::left_out(&archive, options.has_cell)?;
     let Some(member) = archive.find("positions") else {
         let found = archive.names().take(8).collect::<Vec<_>>().join(", ");
         let what = format!("no array `positions`; the file has: {found}");

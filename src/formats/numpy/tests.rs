@@ -419,6 +419,28 @@ fn arrays_of_other_names_that_may_hold_points_are_counted() {
     ] {
         assert_eq!(left_out(name, descr, shape, values), [], "{name}");
     }
+    // Regression test: nothing said that such cells are not read.
+    for (name, descr, shape, values) in [
+        ("Box", "<f8", "(3, 3)", 72),
+        ("box", "<i8", "(3,)", 24),
+        ("box_size", "<f4", "()", 4),
+        ("lattice", "<f8", "(7, 3, 3)", 504),
+        ("dimensions", "<f4", "(7, 6)", 168),
+    ] {
+        let found = left_out(name, descr, shape, values);
+        let says = "1 array that may be a periodic cell, which is read from an array `cell`";
+        assert!(found[0].to_string().starts_with(says), "{found:?}");
+    }
+    for (name, descr, shape, values) in [
+        ("dimensions", "<i8", "()", 8),
+        ("dimensions", "<i8", "(3,)", 24),
+        ("cells", "<i8", "(40, 2)", 640),
+        ("cells", "<i8", "(40, 3)", 960),
+        ("box", "<U3", "()", 12),
+        ("box", "|O", "()", 0),
+    ] {
+        assert_eq!(left_out(name, descr, shape, values), [], "{name} {descr}");
+    }
 }
 
 #[test]

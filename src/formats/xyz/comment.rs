@@ -87,6 +87,21 @@ impl Comment {
         Ok(comment)
     }
 
+    /// Returns true if a comment without a lattice has a cell in another form: three numbers after
+    /// `cell` or `box`, perhaps with a word between them, as i-PI writes it.
+    pub fn has_other_cell(&self, text: &[u8]) -> bool {
+        let is_between = |b: &u8| b.is_ascii_whitespace() || b"=:,;\"'()[]{}".contains(b);
+        let words = text.split(is_between).filter(|word| !word.is_empty());
+        let words: Vec<&[u8]> = words.collect();
+        let is_cell = |word: &[u8]| [&b"cell"[..], b"box"].contains(&&*word.to_ascii_lowercase());
+        let three = |w: &[&[u8]]| w.len() > 2 && w[..3].iter().all(|w| number(w).is_ok());
+        let begins = |k: usize| {
+            let [after, later] = [k + 1, k + 2].map(|k| words.get(k..).unwrap_or_default());
+            is_cell(words[k]) && (three(after) || three(later))
+        };
+        self.lattice.is_none() && (0..words.len()).any(begins)
+    }
+
     /// Returns the cell of the frame, if it repeats.
     pub fn cell(&self) -> Result<Option<Cell>, String> {
         let Some(vectors) = self.lattice else {

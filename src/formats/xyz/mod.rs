@@ -36,6 +36,7 @@ use super::lines::{Lines, integer};
 use crate::curve::CurveLabels;
 use crate::error::{Error, Result};
 use crate::ingest::FrameInfo;
+use crate::verdict::LeftOut;
 use std::collections::HashMap;
 use std::io::BufRead;
 
@@ -111,11 +112,12 @@ impl<R: BufRead> FrameSource for XyzFrames<R> {
         self.lines.expect("the comment of a frame")?;
         let mut begin = || {
             let comment = Comment::parse(&self.lines.line)?;
+            let is_other = !self.options.has_cell && comment.has_other_cell(&self.lines.line);
             let (seq, cell) = (self.number(comment.step)?, comment.cell()?);
-            Ok((comment, seq, cell))
+            Ok((comment, seq, cell, is_other))
         };
         let begun = begin();
-        let (comment, seq, cell) = begun.map_err(|what: String| self.lines.bad(what))?;
+        let (comment, seq, cell, is_other) = begun.map_err(|what: String| self.lines.bad(what))?;
         let curves = self.atoms(count, &comment.columns)?;
         let mut info = FrameInfo::at(seq, comment.time);
         let curves = curves.map(|(curves, numbers)| {
@@ -123,6 +125,13 @@ impl<R: BufRead> FrameSource for XyzFrames<R> {
             curves
         });
         info.cell = cell;
+        if is_other {
+            let kind = [
+                "cell in another form (write `Lattice`, or give the cell)",
+                "cells in another form (write `Lattice`, or give the cell)",
+            ];
+            LeftOut::add(&mut info.left_out, kind, || format!("frame {seq}"));
+        }
         info.closed_by_default = comment.columns.closed.is_none() && self.options.counts.is_none();
         let frame = ModelFrame::of(info, curves);
         Ok(Some(frame.check_torn(&self.options, FORMAT)))

@@ -303,6 +303,46 @@ fn frames_are_numbered_by_their_time_step_or_counted() {
     }
 }
 
+/// Regression test: such cells were ignored in silence.
+#[test]
+fn a_cell_in_another_form_is_left_out_unless_it_is_given() {
+    let ipi = "# CELL(abcABC): 9.5 10 1e1 90 90 90 Step: 0 positions{angstrom} cell{angstrom}";
+    let left_out = |comment: &str, has_cell| {
+        let text = format!("3\n{comment}\nC 0 0 0\nC 1 0 0\nC 0 1 0\n");
+        let options = ReadOptions {
+            has_cell,
+            ..options(Some(&[-3]), false)
+        };
+        let frame = frames_with(&text, &options).unwrap().remove(0);
+        frame.info.left_out
+    };
+    for comment in [
+        ipi,
+        "cell=\"9 0 0 0 9 0 0 0 9\"",
+        "Box = [9, 9, 9]",
+        "box 9 9 9",
+        "cell: 9 9 9",
+    ] {
+        let found = left_out(comment, false);
+        assert!(
+            found[0].to_string().contains("write `Lattice`"),
+            "{comment}: {found:?}"
+        );
+        assert_eq!(left_out(comment, true), [], "{comment}");
+        let lattice = "Lattice=\"9 0 0 0 9 0 0 0 9\" Properties=species:S:1:pos:R:3";
+        assert_eq!(left_out(&format!("{lattice} {comment}"), false), []);
+    }
+    for comment in [
+        "supercell=\"2 2 2\"",
+        "ncell=4",
+        "unit cell(s), 2 of them",
+        "cell=bcc",
+        "cell 3",
+    ] {
+        assert_eq!(left_out(comment, false), [], "{comment}");
+    }
+}
+
 #[test]
 fn errors_name_the_line() {
     let good = frame("", &RINGS);
