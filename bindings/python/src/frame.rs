@@ -110,6 +110,27 @@ pub fn decided_counts(
     })
 }
 
+/// Returns a warning if a segment spans more than half of the scene, as in coordinates that are
+/// wrapped into a cell that nobody gave. An invalid frame has none.
+#[pyfunction]
+pub fn long_segment(
+    points: Points<'_>,
+    counts: Vec<i32>,
+    basis_name: &str,
+) -> PyResult<Option<String>> {
+    let frame = raw(&points, &counts, basis_name)?;
+    guarded(|| {
+        let set = Closing::default().curves(frame, CurveSource::default());
+        let long = set.ok().and_then(|set| set.long_segment());
+        Ok(long.map(|long| {
+            format!(
+                "{long}: if the box is periodic and the coordinates are wrapped into it, links \
+                 across its boundary are not detected: give the cell, with wrapped=True"
+            )
+        }))
+    })
+}
+
 /// Returns for each polyline if it ends where it starts.
 #[pyfunction]
 pub fn ends_meet(points: Points<'_>, counts: Vec<i32>) -> PyResult<Vec<bool>> {

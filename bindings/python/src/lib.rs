@@ -23,6 +23,7 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<client::Message>()?;
     module.add_function(wrap_pyfunction!(session::certify, module)?)?;
     module.add_function(wrap_pyfunction!(frame::decided_counts, module)?)?;
+    module.add_function(wrap_pyfunction!(frame::long_segment, module)?)?;
     module.add_function(wrap_pyfunction!(frame::ends_meet, module)?)?;
     module.add_function(wrap_pyfunction!(strands::thickness, module)?)?;
     module.add_function(wrap_pyfunction!(strands::struts, module)?)?;

@@ -1202,3 +1202,20 @@ def test_curves_stay_open_on_request_whatever_reads_their_file(tmp_path):
     np.savez(tmp_path / "opens.npz", positions=[ring, apart], counts=[len(ring)])
     found = linkwatch.check(tmp_path / "opens.npz", keep_open=True, events="all")
     assert [row["verdict"] for row in found.frames] == ["intact", "intact"], found.summary
+
+
+@pytest.mark.parametrize("name", ["disp", "Displacement", "u"])
+def test_points_that_an_array_may_displace_are_not_verified(tmp_path, name):
+    """Regression test: finite elements have the same points in all frames."""
+    values = "0 0 1 " * 24
+    data = f"POINT_DATA 24\nSCALARS mass float 1\nLOOKUP_TABLE default\n{'1 ' * 24}\n"
+    vectors = f"VECTORS {name} float\n{values}\n"
+    field = f"FIELD attributes 1\n{name} 3 24 float\n{values}\n"
+    array = f'<DataArray Name="{name}" NumberOfComponents="3" type="Float32">{values}</DataArray>'
+    data_of_points = f"</Points><PointData>{array}</PointData>".encode()
+    xml = vtp().replace(b"</Points>", data_of_points)
+    for file, content in (("a.vtk", vtk() + data + vectors), ("b.vtk", vtk() + data + field),
+                          ("a.vtp", xml)):  # fmt: skip
+        frames = linkwatch.read(written(tmp_path, file, content))
+        list(frames)
+        assert bool(frames.summary.left_out) == (name != "u"), (file, frames.summary)

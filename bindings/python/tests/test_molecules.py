@@ -920,3 +920,73 @@ def test_wrapped_curves_are_whole_again_in_any_cell():
             np.testing.assert_allclose(
                 shift, np.broadcast_to(np.rint(shift[0]), shift.shape), atol=1e-9
             )
+
+
+def test_chains_with_one_id_are_refused_where_one_ends(tmp_path):
+    """Regression test: they were one chain."""
+    atom = "ATOM  {:5d}  CA  ALA {}{:4d}    {:8.3f}{:8.3f}{:8.3f}  1.00  0.00           C\n"
+    path = tmp_path / "chains.pdb"
+
+    def written(ids, end="TER\n", first=1):
+        text = ""
+        for k, chain in enumerate(ids):
+            text += "".join(
+                atom.format(8 * k + i + 1, chain, first**k + i, i, k, i % 2) for i in range(8)
+            )
+            text += end
+        path.write_text(text + "END\n")
+        return linkwatch.read(path, closed=False)
+
+    assert next(iter(written("ABC"))).counts == [8, 8, 8]
+    for ids, end, first in (("AAB", "", 1), ("AA", "TER\n", 9)):
+        with pytest.raises(ValueError, match=f"one ends with residue 8, before residue {first};"):
+            written(ids, end, first)
+    assert next(iter(written("AA", "", 9))).counts == [16]
+
+
+@pytest.mark.parametrize("item", ["UNITS\nlj", "TIME\n0.5"])
+def test_a_dump_that_mdanalysis_cannot_read_says_what_to_do(tmp_path, item):
+    """Regression test: the message was that of a conversion within MDAnalysis."""
+    top, path = save(universe(), tmp_path / "a.pdb", bonds="all"), tmp_path / "a.lammpstrj"
+    path.write_text(f"ITEM: {item}\n" + dump([POINTS]))
+    with pytest.raises(ValueError, match="MDAnalysis reads no dump with `ITEM: .*melt.data"):
+        linkwatch.read(top, path)
+
+
+def test_a_topology_that_is_cut_off_within_its_bonds_is_refused(tmp_path):
+    """Regression test: the rings beyond the cut were open chains."""
+    path = save(universe(), tmp_path / "a.pdb", bonds="all")
+    motion = save(universe(), tmp_path / "a.dcd")
+    lines = path.read_text().splitlines(keepends=True)
+    last = max(k for k, line in enumerate(lines) if line.startswith("CONECT"))
+    for cut in ("".join(lines[: last - 1]), "".join(lines[:last]) + lines[last][:14]):
+        path.write_text(cut)
+        with pytest.raises(ValueError, match="the file is cut off; if it is complete, add a line"):
+            linkwatch.read(path, motion)
+        path.write_text(cut.rstrip() + "\nEND\n")
+        linkwatch.read(path, motion)
+    # All bonds once.
+    bonds = [f"CONECT{1 + k:5d}{2 + k:5d}\n" for k in range(3)]
+    path.write_text("".join(line for line in lines if line[:4] == "ATOM") + "".join(bonds))
+    linkwatch.read(path, motion)
+
+
+@pytest.mark.parametrize(
+    "comment, says",
+    [
+        ("# CELL(abcABC): 9.5 1e1 9 90 90 90 cell{angstrom}", "give `cell`"),
+        ('box="9, 9, 9"', "give `cell`"),
+        ("cell 3 of a tissue, supercell 2 2 2", None),
+    ],
+)
+def test_a_cell_of_xyz_that_is_no_lattice_is_not_ignored(tmp_path, comment, says):
+    """Regression test: it was ignored in silence."""
+    top, path = save(universe(), tmp_path / "a.pdb", bonds="all"), tmp_path / "a.xyz"
+    lines = "".join(f"C {x} {y} {z}\n" for x, y, z in POINTS.tolist())
+    path.write_text(f"{len(POINTS)}\n{comment}\n{lines}")
+    if says is None:
+        assert next(iter(linkwatch.read(top, path))).rejected is None
+    else:
+        with pytest.raises(ValueError, match=says):
+            list(linkwatch.read(top, path))
+    assert next(iter(linkwatch.read(top, path, cell=[9, 9, 9]))).rejected is None

@@ -323,3 +323,25 @@ def test_one_curve_alone_is_not_intact():
     assert run.verdict == "incomplete" and not run
     assert "nothing was verified: one curve alone" in run.summary
     assert linkwatch.check(frames, events="all").verdict == "intact"
+
+
+def test_frames_in_memory_without_numbers_are_counted():
+    """Regression test: all of them had the number 0."""
+    frames = [Frame(np.concatenate(points), [-4, -4]) for points in BROKEN]
+    run = linkwatch.check(frames)
+    assert [row["frame"] for row in run.frames] == list(range(6))
+    numbered = [replace(frame, seq=3 * k + 7) for k, frame in enumerate(frames)]
+    assert [row["frame"] for row in linkwatch.check(numbered).frames] == [7, 10, 13, 16, 19, 22]
+
+
+def test_a_segment_that_spans_half_of_the_scene_is_a_warning():
+    """Regression test: curves that the boundary of a cell tears were intact without a word."""
+    angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1) + [9.5, 5, 5]
+    torn = [ring % 10, (ring + [0, 2.5, 0]) % 10]
+    with pytest.warns(linkwatch.UnverifiedWarning, match="spans .* % of the scene along x"):
+        run = linkwatch.check([torn, torn])
+    assert any("give the cell, with wrapped=True" in note for note in run.notes)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert linkwatch.check([torn, torn], cell=[10, 10, 10], wrapped=True).notes == []

@@ -21,6 +21,9 @@ def certify(
     closed_by_default: bool,
     cell_numbers: list[float] | None,
 ) -> tuple[Certificate, list[str]]: ...
+def long_segment(
+    points: npt.NDArray[Any], counts: list[int], basis_name: str
+) -> str | None: ...
 def decided_counts(
     points: npt.NDArray[Any],
     counts: list[int],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import functools
 import inspect
 import itertools
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import Certificate, Session, _view, certify, io
+from . import Certificate, Session, UnverifiedWarning, _linkwatch, _view, certify, io
 from . import _arguments as arguments
 from .io._curves import plural
 from .io._frames import Frame, Frames, Summary, library
@@ -92,6 +93,9 @@ def frames_in_memory(
                 points, sizes = arguments.frame(one, numbers, closed, f"frame {seq}")
                 at = float(seq)
                 one = Frame(points, sizes, basis, labels, [], vectors, seq, at, None, by_default)
+            elif one.seq == 0:
+                # The default of all.
+                one = dataclasses.replace(one, seq=seq)
             yield one
 
     found = Frames(Path("frames"), load, Summary(), getattr(given, "__len__", lambda: None)())
@@ -581,9 +585,18 @@ class Checker:
 
     def verify(self, frames: Iterable[Frame]) -> None:
         """Verifies frames, and adds them to the run."""
+        begins = self._state is None
         for frame in frames:
             self.run._has_pairs |= len(frame.counts) > 1 or frame.cell is not None
-            self.run._add(self.step(frame))
+            report = self.step(frame)
+            self.run._add(report)
+            if begins and frame.cell is None and report.rejected is None:
+                points, counts = arguments.frame(frame.positions, frame.counts, None)
+                long = _linkwatch.long_segment(points, counts, frame.basis)
+                if long is not None:
+                    self.run._note([long])
+                    warnings.warn(long, UnverifiedWarning, stacklevel=3)
+            begins = begins and report.rejected is not None
             assert self.session is not None
             self.run._note(self.session._session.notes())
         if self.session is not None:

@@ -29,9 +29,10 @@ from ._trajectory import (
     XYZ,
     PassedOver,
     as_mdanalysis_reads,
+    chain_ends,
+    check_bonds,
     check_end,
     check_number_of_frames,
-    check_serials,
 )
 
 if TYPE_CHECKING:
@@ -81,11 +82,16 @@ def _opened(paths: Sequence[Path], options: Options, folder: Path) -> Frames:
         if is_dump(path):
             ways = [{"format": "LAMMPSDUMP", "additional_columns": ["id"]}]
             with open(path, "rb") as file:
-                if b"BOX BOUNDS abc" in file.read(1 << 10):
+                start = file.read(1 << 10)
+            for item, what in (
+                (b"BOX BOUNDS abc", "general triclinic box (abc origin)"),
+                (b"ITEM: UNITS", "dump with `ITEM: UNITS`"),
+                (b"ITEM: TIME\n", "dump with `ITEM: TIME`"),
+            ):
+                if item in start:
                     raise ValueError(
-                        f"{path}: MDAnalysis reads no general triclinic box (abc origin): give a "
-                        "data file of LAMMPS with the bonds, such as melt.data, in place of "
-                        f"{paths[0]}"
+                        f"{path}: MDAnalysis reads no {what}: give a data file of LAMMPS with the "
+                        f"bonds, such as melt.data, in place of {paths[0]}"
                     )
         elif path.suffix.lower() in H5MD:
             # Units are optional.
@@ -146,7 +152,7 @@ def frames_of_atoms(
     if not len(atoms):
         raise ValueError(f"{path}: no atoms are selected")
     check_number_of_frames(universe.trajectory)
-    check_serials(Path(str(universe.filename)))
+    check_bonds(Path(str(universe.filename)))
     options.unwrap = options.unwrap is not False
     topology = Scene(notes=[*notes])
     found = _bonded(atoms, topology)
@@ -276,9 +282,21 @@ def _grouped(atoms: Any, scene: Scene, path: Path, closed: bool | None) -> list[
                 f"{path}: no bonds, and residues of several atoms: give a topology with bonds, or "
                 "select one atom of each residue, such as select='name CA'"
             )
-    found = [
-        Molecule(atoms.indices[of_atom == group].tolist(), False) for group in np.unique(of_atom)
-    ]
+    members = [np.flatnonzero(of_atom == group) for group in np.unique(of_atom)]
+    numbers = getattr(atoms, "resids", residues)
+    part = np.searchsorted(chain_ends(Path(str(atoms.universe.filename))), atoms.indices, "right")
+    for one in members if level == "segment" else []:
+        repeat = len(np.unique(numbers[one])) < len(one)
+        ends = np.flatnonzero(repeat & (np.diff(numbers[one]) < 0) | (np.diff(part[one]) > 0))
+        if len(ends):
+            before, after = numbers[one[ends[0]]], numbers[one[ends[0] + 1]]
+            raise ValueError(
+                f"{path}: no bonds, and several chains in segment "
+                f"{getattr(atoms, 'segids', segments)[one[0]]}: one ends with residue {before}, "
+                f"before residue {after}; give each chain an id, a topology with bonds, or a "
+                "narrower `select`, such as 'protein and name CA'"
+            )
+    found = [Molecule(atoms.indices[one].tolist(), False) for one in members]
     single = sum(len(one.nodes) < 2 for one in found)
     if single:
         scene.notes.append(f"{single} atoms that are alone in their {level} are no curves")

@@ -18,7 +18,7 @@ from ._curves import Curve, Scene, curves_of_edges, frames_of_files, frames_of_s
 from ._frames import library
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
     from typing import Any
 
@@ -33,6 +33,10 @@ CURVED = {
     68: "Lagrange curve",
     75: "Bezier curve",
 }
+# Names of arrays by which finite elements displace the points.
+DISPLACEMENTS = {*"depl disp displ displacement displacements".split()}
+# Vectors at the points of a legacy file.
+VECTORS = re.compile(rb"^\s*(?:VECTORS\s+(\S+)\s+\S+|(\S+)\s+3\s+\d+\s+\S+)\s*$", re.I | re.M)
 # Types of XML files.
 READ = ("PolyData", "UnstructuredGrid", "PPolyData", "PUnstructuredGrid", "vtkMultiBlockDataSet")
 # Types of arrays in legacy and in XML files.
@@ -78,6 +82,14 @@ def _lines(scene: Scene, points: Array, lines: Sequence[Array]) -> Scene:
             joined[alone] = ends[first[same]].reshape(-1, 2)
         curves_of_edges(points, joined, scene, "edges")
     return scene
+
+
+def _note_vectors(scene: Scene, names: Iterable[str]) -> None:
+    """Counts the vectors at points that may displace these."""
+    for name in names:
+        if name.lower() in DISPLACEMENTS:
+            kind = "that may displace the points"
+            scene.left_out.add(f"array {kind}", f"arrays {kind}", name)
 
 
 def _joined(scene: Scene, lines: Sequence[Array]) -> list[tuple[int, Array]]:
@@ -144,6 +156,8 @@ def read_vtk(path: Path) -> Scene:
             elif key == "METADATA":
                 file.skip_metadata()
             elif key in ("POINT_DATA", "CELL_DATA"):
+                found_names = VECTORS.findall(file.data, file.at)
+                _note_vectors(scene, (b"".join(name).decode("latin-1") for name in found_names))
                 break
             else:
                 raise file.error(f"section {words[0]}: POLYDATA and UNSTRUCTURED_GRID are read")
@@ -336,6 +350,8 @@ def read_xml(path: Path) -> Scene:
             lines += [cell.astype(np.int64) + shift for cell in cells]
         points.append(here)
         shift += len(here)
+        vectors = piece.iterfind("PointData/DataArray[@NumberOfComponents='3']")
+        _note_vectors(scene, (one.get("Name") or "" for one in vectors))
     file = _Xml(path)
     for array in file.root.iter("DataArray"):
         if (array.get("Name") or "").lower() == "timevalue":
@@ -603,6 +619,8 @@ def read_meshio(path: Path) -> Scene:
     points = np.asarray(mesh.points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f"{path}: points of the shape {points.shape}, expected 3 dimensions")
+    shapes = {name: np.shape(values) for name, values in mesh.point_data.items()}
+    _note_vectors(scene, (name for name, shape in shapes.items() if shape == points.shape))
     lines: list[Array] = []
     for block in mesh.cells:
         if block.type == "line":

@@ -7,6 +7,7 @@ import os
 import re
 import struct
 from collections import Counter
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,8 @@ XTC = 1995
 OTHER = re.compile(r"\bproperties\s*=(?!\s*[\"']?\w+:\w:1:pos:R:3)|\bid:I:1\b", re.I)
 LATTICE = re.compile(r"""\blattice\s*=\s*["'{[]?([^"'}=]*)""", re.I)
 PBC = re.compile(r"""\bpbc\s*=\s*(?:["'{[]([^"'}\]]*)|(\w+))""", re.I)
+# A cell in another form: three numbers after its name, perhaps with a word between them.
+OTHER_CELL = re.compile(r"\b(?:cell|box)\b\W*(?:[a-z]+\W+)?(?:\d[\d.e+-]*[\s,]+){2}\d", re.I)
 FLAGS = {**dict.fromkeys(("t", "true", "1"), True), **dict.fromkeys(("f", "false", "0"), False)}
 
 OTHER_IDS = "the ids of its atoms are not those of the first frame, each once"
@@ -220,6 +223,8 @@ def _lattice(comment: str) -> Array:
     """Returns the vectors of the cell of a frame of extended XYZ, which MDAnalysis ignores."""
     lattice, pbc = LATTICE.search(comment), PBC.search(comment)
     if lattice is None:
+        if OTHER_CELL.search(comment):
+            raise ValueError(f"a cell that is no Lattice: {comment.strip()}: give `cell`")
         return np.zeros((3, 3))
     try:
         numbers = re.split(r"[\s,[\]]+", lattice[1].strip(" ,[]"))[:9]
@@ -384,23 +389,38 @@ def _has_several_frames(path: Path) -> bool:
     return sum(line.startswith(b"MODEL") for line in lines) > 1
 
 
-def check_serials(path: Path) -> None:
-    """Raises an error if CONECT of a PDB file does not tell the atoms: its serial numbers have five
-    digits, so they begin again after 99,999 atoms, and MDAnalysis takes the last of equal ones."""
+def chain_ends(path: Path) -> list[int]:
+    """Returns the number of atoms before each TER in the first model of a PDB file."""
+    atoms, ends = 0, []
+    if path.suffix.lower() in (*PDB, ".xpdb") and path.is_file():
+        with open(path, encoding="latin-1") as file:
+            for line in takewhile(lambda line: not line.startswith("END"), file):
+                atoms += line.startswith(("ATOM", "HETATM"))
+                if line.startswith("TER"):
+                    ends.append(atoms)
+    return ends
+
+
+def check_bonds(path: Path) -> None:
+    """Raises an error if CONECT of a PDB file does not tell the bonds: its serial numbers have five
+    digits, so they begin again after 99,999 atoms, and MDAnalysis takes the last of equal ones; or
+    a file without END is cut off, so that some bonds are there for one of their atoms only."""
     if path.suffix.lower() not in (*PDB, ".xpdb") or not path.is_file():
         return
     serials: Counter[str] = Counter()
-    bonded: set[str] = set()
-    is_first = True
+    bonds: set[tuple[str, str]] = set()
+    is_first, line = True, ""
     with open(path, encoding="latin-1") as file:
         for line in file:
             if line.startswith("CONECT"):
                 text = line[6:].rstrip()
-                bonded.update(text[k : k + 5].strip() for k in range(0, len(text), 5))
+                fields = [text[k : k + 5].strip() for k in range(0, len(text), 5)]
+                bonds.update((fields[0], other) for other in fields[1:] if other)
             elif is_first and line.startswith(("ATOM", "HETATM")):
                 serials[line[6:11].strip()] += 1
             # The first model is the topology.
             is_first = is_first and not line.startswith("END")
+    bonded = {atom for bond in bonds for atom in bond}
     twice = next((one for one in serials if serials[one] > 1 and one in bonded), None)
     # MDAnalysis drops all bonds if serial numbers are stars.
     if twice or bonded and "*****" in serials:
@@ -408,6 +428,12 @@ def check_serials(path: Path) -> None:
             f"{path}: {serials[twice or '*****']} atoms have the serial number "
             f"{twice or '*****'}, so CONECT does not tell the bonds: give a topology that has "
             f"them before it, such as melt.psf {path}"
+        )
+    once = sorted((a, b) for a, b in bonds if (b, a) not in bonds and b in serials)
+    if 0 < len(once) < len(bonds) and line.startswith("CONECT"):
+        raise ValueError(
+            f"{path}: CONECT of atom {once[0][0]} names atom {once[0][1]}, but not the other way "
+            "round: the file is cut off; if it is complete, add a line END"
         )
 
 
