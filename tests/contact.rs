@@ -293,7 +293,7 @@ fn a_pull_through_that_begins_in_a_contact_may_be_unresolved() {
             ..SessionOptions::default()
         })
         .unwrap();
-        let reports = [-2.0, touching, 3.0].map(|x| frame(x)).into_iter().zip(0..);
+        let reports = [-2.0, touching, 3.0].map(frame).into_iter().zip(0..);
         let reports: Vec<Report> = reports
             .map(|(set, k)| session.step(k, set).report)
             .collect();

@@ -6,7 +6,6 @@ use super::recorded::Recorded;
 use linkwatch::formats::{Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
 use linkwatch::{CurveSet, Error, LeftOut, RecordingReader, Result, formats};
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// Information on curves that some formats lack.
