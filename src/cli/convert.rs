@@ -212,11 +212,13 @@ impl Converter {
             LeftOut::merge(&mut self.left_out, &info.left_out);
             let is_cut = self.cuts.replace(info.cuts).is_some_and(|n| n != info.cuts);
             if is_cut && !self.target.is_none_or(Format::holds_cuts) {
-                tracing::warn!(
-                    "{}: the motion is cut before this frame, which the output cannot hold: its \
-                     step may be taken for a pull-through; write .npz or .mcap",
-                    frame.name
-                );
+                if self.lost_cuts == 0 {
+                    tracing::warn!(
+                        "{}: the motion is cut before this frame, which the output cannot hold: \
+                         its step may be taken for a pull-through; write .npz or .mcap",
+                        frame.name
+                    );
+                }
                 self.lost_cuts += 1;
             }
             let holds_cells = self.target.is_none_or(Format::holds_cells);
