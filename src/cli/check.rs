@@ -12,7 +12,7 @@ use super::sequence::{Frame, Sequence};
 use crate::curve::Metric;
 use crate::curve::vector::{distance, per_axis};
 use linkwatch::{AbortOn, Cell, CurveSet, Error, Events, Point, Result, SessionOptions};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 use std::slice;
 
@@ -97,24 +97,33 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     files.reads(&models);
     files.reads(args.format.bonds(&models));
     let mut frames = Sequence::new(models, options, args.one_motion);
-    let mut start: Vec<Result<Frame>> = Vec::new();
-    let step = first_step(&mut frames, &mut start, &args.cell_args);
-    let several = start.len() > 1;
-    if start.is_empty() {
-        return Err(usage!("{name}: no frame"));
-    }
+    let mut ahead = VecDeque::new();
+    let far = args.is_far_apart(&mut frames, &mut ahead);
+    let several = ahead.len() > 1;
     if from_first_frame && !several {
+        let Some(first) = ahead.pop_front() else {
+            return Err(usage!("{name}: no frame"));
+        };
         // If the frame cannot be read, that is the reason.
-        let Frame { curves, path, .. } = start.remove(0)?;
+        let Frame { curves, path, .. } = first?;
         curves.map_err(|e| e.in_file(&path))?;
         return Err(usage!(
             "one frame and nothing to compare it with: also give later ones of its motion, \
                     or --baseline CERT (`linkwatch certify MODEL -o CERT` writes one)"
         ));
     }
-    let step = step.filter(|_| !args.event_args.are_given());
-    let far =
-        step.is_some_and(|[from, to]| are_far_apart(&args.cell_args, [&start[from], &start[to]]));
+    if ahead.is_empty() {
+        return Err(usage!("{name}: no frame"));
+    }
+    if let (false, Some(Ok(first))) = (from_first_frame, ahead.front())
+        && !first.info.labels.names.is_empty()
+    {
+        tracing::warn!(
+            "{}: its curves have names, but a certificate has numbers alone: curves are compared \
+             in their order",
+            first.name
+        );
+    }
     if !several || args.early_exit || far {
         // There is no step to search, or another option excludes it.
         judge.event_args.events.get_or_insert(Events::Off);
@@ -131,13 +140,26 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     };
     let mut run = Run::new(&judge, &args.sinks, files, setup)?;
     let mut failed = None;
-    for frame in start.into_iter().chain(frames) {
+    loop {
+        if ahead.is_empty() {
+            ahead.extend(frames.next());
+        }
+        if let Some(Ok(Frame {
+            begins_run: true, ..
+        })) = ahead.front()
+        {
+            let far = args.is_far_apart(&mut frames, &mut ahead);
+            let events = args.event_args.events(AbortOn::Never);
+            let off = args.early_exit || far;
+            run.begin_run(if off { Events::Off } else { events });
+        }
+        let Some(frame) = ahead.pop_front() else {
+            break;
+        };
         let judged = frame.and_then(|frame| {
             let Frame { name, path, .. } = &frame;
             let (name, path) = (name.clone(), path.clone());
-            if frame.begins_run {
-                run.begin_run();
-            } else if frame.after_gap {
+            if frame.after_gap && !frame.begins_run {
                 run.begin_after_gap();
             }
             let progress = run.session.progress();
@@ -171,11 +193,21 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     failed.map_or(Ok(outcome), Err)
 }
 
+impl Args {
+    /// Reads frames of a run up to the second one that will be verified. Returns true if both are
+    /// so far apart that no step is searched, unless the user wants it.
+    fn is_far_apart(&self, frames: &mut Sequence, ahead: &mut VecDeque<Result<Frame>>) -> bool {
+        let step = first_step(frames, ahead, &self.cell_args);
+        let step = step.filter(|_| !self.event_args.are_given());
+        step.is_some_and(|step| are_far_apart(&self.cell_args, step.map(|k| &ahead[k])))
+    }
+}
+
 /// Reads frames up to the second one that will be verified, since rejected ones have no influence
 /// on others. Returns the places of both, if the step between them is searched.
 fn first_step(
     frames: &mut Sequence,
-    start: &mut Vec<Result<Frame>>,
+    ahead: &mut VecDeque<Result<Frame>>,
     cell_args: &CellArgs,
 ) -> Option<[usize; 2]> {
     let is_valid = |frame: &Frame| match (&frame.curves, cell_args.cell(frame.info.cell)) {
@@ -189,9 +221,11 @@ fn first_step(
     let mut first: Option<(usize, Vec<i32>, u32)> = None;
     // True if a step that is not searched lies between the two.
     let mut apart = false;
-    for (k, frame) in frames.take(MOST_AHEAD).enumerate() {
-        start.push(frame);
-        let Some(Ok(frame)) = start.last() else {
+    for k in 0..MOST_AHEAD {
+        if k == ahead.len() {
+            ahead.push_back(frames.next()?);
+        }
+        let Ok(frame) = &ahead[k] else {
             continue;
         };
         apart |= frame.begins_run || frame.after_gap;

@@ -11,8 +11,8 @@ pub struct EventArgs {
     ///
     /// Also those that cancel, and those of open curves. `between`: of two curves; `all`: also of a
     /// curve through itself; `off`: linking numbers alone, for frames without the motion between
-    /// them [default: between; check: off if the first two frames are far apart; replay: as
-    /// recorded]
+    /// them [default: between; check: off if the first two frames of a run are far apart; replay:
+    /// as recorded]
     #[arg(
         long, value_name = "off|between|all", num_args = 0..=1, require_equals = true,
         default_missing_value = "between"

@@ -2,9 +2,10 @@
 
 use super::output::{count, plural};
 use super::source::Source;
-use crate::record::{CUT_OFF, MissingFrames, PART};
+use crate::record::{CONTINUED, CONTINUES, CUT_OFF, MissingFrames, PART};
 use linkwatch::formats::ModelFrame;
 use linkwatch::{Ending, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, Result, Verdict};
+use std::ffi::OsString;
 use std::path::Path;
 
 /// Returns the number of a file among those of a recorded run, from 1. `None` if it cannot be read
@@ -15,6 +16,13 @@ pub fn part(path: &Path) -> Option<u32> {
     source.next().ok()?;
     let number = source.reader.metadata().get(PART);
     number.map_or(Some(1), |number| number.parse().ok())
+}
+
+/// Returns the name of the file of a recorded run that this one continues, if there is one.
+pub fn continued(path: &Path) -> Option<OsString> {
+    let mut source = Source::new(path).ok()?;
+    source.next().ok()?;
+    source.reader.metadata().get(CONTINUES).map(OsString::from)
 }
 
 /// Frames of a recording with what the simulator told about them: cell, cuts, layout, names, radii
@@ -88,6 +96,9 @@ impl Recorded {
                 path.display(),
                 plural(self.absent, "frame"),
             );
+        }
+        if let Some(next) = reader.metadata().get(CONTINUED) {
+            tracing::info!("{}: the run continues in {next}", path.display());
         }
         let cut_off = reader.metadata().get(CUT_OFF);
         let why = match (reader.ending(), cut_off) {

@@ -5,13 +5,15 @@ use super::recorded;
 use linkwatch::formats::{Format, ModelFrame, ReadOptions};
 use linkwatch::{CurveSet, Error, FrameInfo, LeftOut, Received, Result};
 use std::collections::VecDeque;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Frames of several files, one after the other.
 ///
 /// Files of one frame each are the frames of one motion. Files of several frames each are runs of
-/// their own: each begins a run, unless all files are one motion. (A file of one frame continues
+/// their own: each begins a run, unless all files are one motion, or it is the next file of a
+/// recording. (A file of one frame continues
 /// the files before it. The first file of several frames continues those of one frame before it.)
 #[derive(Default)]
 pub struct Sequence {
@@ -26,6 +28,8 @@ pub struct Sequence {
     current: Option<File>,
     /// Number of the last file, if it is one of several of a recorded run.
     part: Option<u32>,
+    /// Name of the last file.
+    last: Option<OsString>,
     /// Elements that were not read of the current file.
     left_out: Vec<LeftOut>,
     /// Number of the next frame, if it has none of its own.
@@ -90,11 +94,20 @@ impl Sequence {
         let most_ahead = if self.single { 0 } else { 2 };
         let ahead: Vec<_> = frames.by_ref().take(most_ahead).collect();
         let has_several = ahead.len() > 1;
-        let begins_run = has_several && self.had_several && !self.one_motion;
+        let last = std::mem::replace(&mut self.last, path.file_name().map(OsString::from));
+        let continued = match input::is_mcap(&path) && !self.single {
+            true => recorded::continued(&path),
+            false => None,
+        };
+        let is_next = continued.is_some() && continued == last;
+        let begins_run = has_several && self.had_several && !self.one_motion && !is_next;
         self.had_several |= has_several;
         let part = self.one_motion.then(|| recorded::part(&path)).flatten();
-        let last = std::mem::replace(&mut self.part, part);
-        let after_gap = part.is_some_and(|part| part > 1 && last.is_some_and(|n| n + 1 != part));
+        let before = std::mem::replace(&mut self.part, part);
+        let after_gap = match self.one_motion {
+            true => part.is_some_and(|part| part > 1 && before.is_some_and(|n| n + 1 != part)),
+            false => continued.is_some() && last.is_some() && !is_next,
+        };
         Ok(File {
             path,
             frames: Box::new(ahead.into_iter().chain(frames)),

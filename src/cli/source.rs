@@ -2,7 +2,7 @@
 
 use super::input;
 use super::range::Range;
-use crate::record::CUT_OFF;
+use crate::record::{CONTINUED, CUT_OFF};
 use crate::words::truncated;
 use linkwatch::{Ending, Error, RecordedItem, RecordingReader, Result};
 use std::fs::File;
@@ -75,6 +75,9 @@ impl Source {
 /// Returns true if it is one.
 pub fn warn_of_cut(source: &Source) -> bool {
     let path = source.path.display();
+    if let Some(next) = source.reader.metadata().get(CONTINUED) {
+        tracing::warn!("{path}: the run continues in {next}");
+    }
     let why = source.reader.metadata().get(CUT_OFF);
     if let Some(why) = why {
         tracing::warn!("{path}: the run has no end: {why}");

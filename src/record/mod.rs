@@ -20,9 +20,9 @@ pub use crate::formats::container::Ending;
 pub(crate) use missing::MissingFrames;
 pub use reader::{RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
 #[cfg(feature = "cli")]
-pub(crate) use retention::PART;
-#[cfg(feature = "cli")]
 pub use retention::with_suffix;
+#[cfg(feature = "cli")]
+pub(crate) use retention::{CONTINUED, CONTINUES, PART};
 pub use retention::{RecordingOptions, Retention};
 pub use writer::RecordingSink;
 

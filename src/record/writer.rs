@@ -12,7 +12,7 @@
 //! damage is still detected.
 
 use super::messages::{DESCRIPTORS, PACKAGE, Recorded};
-use super::{ACCEPTED, BASELINE, CUT_OFF, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
+use super::{ACCEPTED, BASELINE, CONTINUED, CUT_OFF, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
 use super::{file, schema};
 use crate::curve::{CurveLabels, CurveSet};
 use crate::error::{Error, Result};
@@ -195,6 +195,11 @@ impl RecordingSink {
     /// Returns an upper bound of the size of the file if it were closed now.
     pub(super) fn bytes(&self) -> u64 {
         self.log.bytes
+    }
+
+    /// Writes the name of the file in which the recording continues.
+    pub(super) fn continue_in(&mut self, name: String) -> Result<()> {
+        self.log.describe([(CONTINUED.into(), name)].into())
     }
 
     /// Writes the index and the end of the file, without waiting for the disk.

@@ -2,7 +2,7 @@
 
 use super::facts::{End, Facts, NamedFinding};
 use crate::incremental::Events;
-use crate::record::{CUT_OFF, Retention};
+use crate::record::{CONTINUED, CUT_OFF, Retention};
 use crate::verdict::{LeftOut, Verdict};
 use crate::words::{count, if_any, percent, plural, plural_of, truncated};
 use std::fmt;
@@ -212,6 +212,9 @@ impl Facts {
         let verdicts = plural(counts.without_curves, "verdict");
         let words = format!("{verdicts} without the curves of the frame{every}");
         note(counts.without_curves, words);
+        if let Some(next) = self.metadata.get(CONTINUED) {
+            note(1, format!("the run continues in {next}"));
+        }
         match &self.end {
             End::Finished => {}
             End::Cut(at, what) => {

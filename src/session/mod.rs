@@ -285,6 +285,12 @@ impl Session {
         self.next = Next::Run;
     }
 
+    /// Begins another run, in which other pull-throughs are searched for.
+    pub(crate) fn begin_run_with(&mut self, events: Events) {
+        self.options.events = events;
+        self.begin_run();
+    }
+
     /// Returns the expected linking numbers, or `None` before the first frame.
     pub fn baseline(&self) -> Option<&Certificate> {
         self.engine.baseline().map(|baseline| &**baseline)

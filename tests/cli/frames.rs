@@ -2,6 +2,8 @@
 
 use super::cells::{polygon, write};
 use crate::support::command::{linkwatch, text};
+use linkwatch::formats::{Format, FrameWriter, ModelFrame};
+use linkwatch::{Basis, CurveSet, FrameInfo, Positions};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -236,20 +238,97 @@ fn a_missing_file_of_a_recorded_run_is_a_gap() {
     assert_eq!(run.code, 0, "{}", run.stderr);
     let [second, third] = [2, 3].map(|k| folder.path().join(format!("run-part{k}.mcap")));
     assert!(third.exists());
-    let check = |files: &[&Path]| {
-        let files = files.iter().map(|file| text(file));
-        let args: Vec<&str> = ["check", "--one-motion"].into_iter().chain(files).collect();
-        linkwatch(&args)
+    // Without the option, too: they were runs of their own.
+    for option in [&["--one-motion"][..], &[]] {
+        let check = |files: &[&Path]| {
+            let files: Vec<&str> = files.iter().map(|file| text(file)).collect();
+            linkwatch(&[&["check"], option, &files[..]].concat())
+        };
+        let run = check(&[&recording, &second, &third]);
+        assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+        assert!(!run.stdout.contains(" runs"), "{}", run.stdout);
+        let run = check(&[&recording, &third]);
+        assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+        assert!(
+            run.stderr.contains("1 gap between files of a run"),
+            "{}",
+            run.stderr
+        );
+    }
+    // Nothing said that there are more files.
+    let says = "the run continues in run-part2.mcap";
+    let run = linkwatch(&["replay", text(&recording)]);
+    assert!(run.stderr.contains(says), "{}", run.stderr);
+    let run = linkwatch(&["report", "--text", text(&recording)]);
+    assert!(run.stdout.contains(says), "{}", run.stdout);
+}
+
+/// Writes frames of curves, negative counts for closed ones.
+fn run_of(folder: &Path, name: &str, counts: &[i32], frames: &[Vec<[f64; 3]>]) -> PathBuf {
+    let path = folder.join(name);
+    let mut writer = FrameWriter::create(&path, Format::Npz).unwrap();
+    for (k, points) in (0..).zip(frames) {
+        let positions = Positions::F64(points.as_flattened());
+        let set = CurveSet::from_counts(Basis::Polyline, counts, positions);
+        let frame = ModelFrame::of(FrameInfo::at(k, k as f64), set);
+        writer.frame(&frame).unwrap();
+    }
+    writer.finish().unwrap();
+    path
+}
+
+const SQUARE: [[f64; 3]; 4] = [[-1., -1., 0.], [1., -1., 0.], [1., 1., 0.], [-1., 1., 0.]];
+
+/// Writes a square, and an open strand at some places: beyond 1 it is outside of the square.
+fn strand(folder: &Path, name: &str, places: &[f64]) -> PathBuf {
+    let frame = |&x: &f64| [&SQUARE[..], &[[x, 0.2, -1.0], [x, 0.1, 1.0]]].concat();
+    let frames: Vec<_> = places.iter().map(frame).collect();
+    run_of(folder, name, &[-4, 2], &frames)
+}
+
+/// Regression test: the first run decided that no run was searched for pull-throughs.
+#[test]
+fn each_run_is_searched_unless_its_own_first_frames_are_far_apart() {
+    let folder = TempDir::new().unwrap();
+    let frame = |k: f64| {
+        let moved = |[x, y, z]: [f64; 3]| [x + 90.0 * k * y, y, z + 20.0 * k * x];
+        [SQUARE.map(moved), SQUARE.map(|[x, y, _]| [x, y, 300.0])].concat()
     };
-    let run = check(&[&recording, &second, &third]);
-    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
-    let run = check(&[&recording, &third]);
-    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
-    assert!(
-        run.stderr.contains("1 gap between files of a run"),
-        "{}",
-        run.stderr
+    let far = run_of(
+        folder.path(),
+        "far.npz",
+        &[-4, -4],
+        &[0., 1., 2.].map(frame),
     );
+    let near = strand(folder.path(), "near.npz", &[0.0, 0.5, 1.5, 2.0]);
+    for files in [[&far, &near], [&near, &far]] {
+        let run = linkwatch(&["check", "--keep-order", text(files[0]), text(files[1])]);
+        assert_eq!(run.code, 1, "{}{}", run.stdout, run.stderr);
+        assert!(run.stderr.contains("are far apart"), "{}", run.stderr);
+        let says = "do not show in 1 run ";
+        assert!(run.stdout.contains(says), "{}", run.stdout);
+    }
+}
+
+/// Regression test: open curves were verified, although no step was searched.
+#[test]
+fn open_curves_are_not_verified_if_no_step_is_searched() {
+    let folder = TempDir::new().unwrap();
+    let model = strand(folder.path(), "run.npz", &[0.0, 0.1, 0.2, 0.3, 0.4, 0.5]);
+    let recording = folder.path().join("run.mcap");
+    let record = format!("{},every=2", text(&recording));
+    let run = linkwatch(&["check", text(&model), "--record", &record]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let run = linkwatch(&["replay", text(&recording)]);
+    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+    let says = "because no step was searched";
+    assert!(run.stdout.contains(says), "{}", run.stdout);
+    // An open curve has no knot either.
+    let line = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 1.0, 0.0]];
+    let frames = [0.0, 0.1].map(|z| line.map(|[x, y, _]| [x, y, z * x * y]).to_vec());
+    let line = run_of(folder.path(), "line.npz", &[3], &frames);
+    let run = linkwatch(&["check", "--invariants=self", text(&line)]);
+    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
 }
 
 #[test]

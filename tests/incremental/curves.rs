@@ -545,3 +545,32 @@ fn curves_that_are_not_those_of_the_frame_before_are_undecided() {
         intact
     );
 }
+
+/// Regression test: after its state was saved, a session took other curves for the same.
+#[test]
+fn a_resumed_session_rejects_other_curves_without_names() {
+    let pair = square_and_strand(0.5, 3.0);
+    let longer = [pair[0].clone(), [&pair[1][..], &[[3.0, 0.0, 2.0]]].concat()];
+    let verdict = |session: &mut Session, seq: u64, curves: &[Vec<[f64; 3]>; 2]| {
+        let counts = [-(curves[0].len() as i32), curves[1].len() as i32];
+        let xyz = curves.concat();
+        let frame = RawFrame {
+            basis: Basis::Polyline,
+            counts: &counts,
+            positions: Positions::F64(xyz.as_flattened()),
+        };
+        let received = session.receive(FrameInfo::at(seq, 0.0), |copy| copy(frame));
+        session.verify(received).unwrap().report.verdict
+    };
+    for events in [Events::Off, Events::Between] {
+        let options = SessionOptions {
+            events,
+            ..SessionOptions::default()
+        };
+        let mut session = Session::new(options.clone()).unwrap();
+        assert_eq!(verdict(&mut session, 0, &pair), Verdict::Intact);
+        session = Session::resume(options, session.state()).unwrap();
+        assert_eq!(verdict(&mut session, 1, &longer), Verdict::Rejected);
+        assert_eq!(verdict(&mut session, 2, &pair), Verdict::Intact);
+    }
+}

@@ -4,8 +4,8 @@
 use super::{Judged, Run};
 use crate::cli::output::{count, plural, plural_of};
 use linkwatch::{
-    BaselineRecord, Basis, Certificate, Continuation, CurveSet, Defect, DefectKind, FrameInfo,
-    Precision, Verdict,
+    BaselineRecord, Basis, Certificate, Continuation, CurveSet, Defect, DefectKind, Events,
+    FrameInfo, Precision, Verdict,
 };
 use std::sync::Arc;
 
@@ -54,9 +54,12 @@ impl Run {
         self.sum.gaps += 1;
     }
 
-    /// Begins another run: the next frame does not belong to the motion of those before it.
-    pub fn begin_run(&mut self) {
-        self.session.begin_run();
+    /// Begins another run, with this search for pull-throughs: the next frame does not belong to
+    /// the motion of those before it.
+    pub fn begin_run(&mut self, events: Events) {
+        self.options.events = events;
+        self.sum.unsearched_runs += u64::from(events == Events::Off);
+        self.session.begin_run_with(events);
         self.news.known.forget();
         self.sum.violations.begin_run();
         if let Some(junit) = &mut self.junit {

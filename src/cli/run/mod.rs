@@ -183,7 +183,10 @@ impl Run {
         let incomplete = baseline.as_ref().is_some_and(|b| b.unverified > 0);
         let (certificate, origin) = baseline.map(Origin::of).unzip();
         options.baseline = certificate;
-        let mut sum = Summary::default();
+        let mut sum = Summary {
+            unsearched_runs: u64::from(options.events == Events::Off),
+            ..Summary::default()
+        };
         sum.unresolved.limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
         let queues = sinks.open(&setup, options.clearance);
         let mut session = Session::new(options.clone())?;
@@ -322,6 +325,7 @@ impl Run {
         if judged.report.verdict == Verdict::Rejected {
             self.rejected += 1;
         } else {
+            self.sum.count_step(self.begun, judged.step);
             self.begin_baseline(&judged);
             self.rejected = 0;
             let stats = judged.report.stats;
@@ -422,7 +426,7 @@ impl Run {
         }
         let options = &self.options;
         let open = self.sum.open_curves.unwrap_or(0);
-        let searched = options.events != Events::Off;
+        let searched = self.sum.unsearched_runs == 0;
         if tally.verified == 1 && open > 0 && (searched || self.sum.only_open) {
             let what = match self.sum.only_open {
                 true => "nothing was verified".to_owned(),
@@ -436,16 +440,20 @@ impl Run {
         let curve = InvariantKind::Curve;
         let compares = |baseline: &Certificate| baseline.invariants().any(|kind| kind == curve);
         let baseline = options.baseline.as_ref();
-        let knots = options.invariants.contains(&curve) || baseline.is_some_and(compares);
+        // An open curve is no knot.
+        let knots = !self.sum.only_open
+            && (options.invariants.contains(&curve) || baseline.is_some_and(compares));
         // Without linking numbers, only a search for pull-throughs can verify curves.
         let through = self.session.baseline();
         let through = through.map_or(0, Certificate::periods_without_numbers);
-        let steps = !searched && tally.verified > 1 || self.sum.gaps > 0;
+        // The other process has seen the curves of its frames.
+        let own = tally.since(self.before).verified;
+        let steps = !searched && tally.verified > 1
+            || own > 1 && self.sum.followed == 0
+            || self.sum.gaps > 0;
         let unsearched = (open > 0 || through > 0) && steps;
         let alone = tally.verified == 1 && self.sum.only_open;
         let itself = options.events == Events::All && tally.verified > 1;
-        // The other process has seen the curves of its frames.
-        let own = tally.since(self.before).verified;
         let compared = own > 0 && (tally.verified > 1 || baseline.is_some());
         if compared && !(self.sum.has_pairs || knots || itself || alone) {
             tracing::warn!(

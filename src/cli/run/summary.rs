@@ -7,7 +7,7 @@ use super::times::RunTimes;
 use super::violations::Violations;
 use crate::cli::Outcome;
 use crate::cli::output::{count, percent, plural, plural_of};
-use linkwatch::{Counters, Events, LeftOut, Report, SinkSummary};
+use linkwatch::{Continuation, Counters, LeftOut, Report, SinkSummary};
 use serde_json::json;
 
 impl Counters {
@@ -67,10 +67,25 @@ pub struct Summary {
     pub unmeasured: Option<String>,
     /// Number of gaps over which no step is searched: in a recording, or before a watch started.
     pub gaps: u64,
+    /// Number of steps between verified frames that were searched, if any are, and of cuts.
+    pub followed: u64,
+    pub cuts: u64,
+    /// Number of runs without a search for pull-throughs.
+    pub unsearched_runs: u64,
     /// Number of runs that began after the first one.
     pub further_runs: u64,
     /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
     pub comparison: Option<(String, serde_json::Value)>,
+}
+
+impl Summary {
+    /// Counts the step to a frame that was verified. The first one of a run, or after a gap, has
+    /// none.
+    pub fn count_step(&mut self, has_step: bool, step: Continuation) {
+        let is = |kind| u64::from(has_step && step == kind);
+        self.followed += is(Continuation::Continues);
+        self.cuts += is(Continuation::Cut);
+    }
 }
 
 impl Run {
@@ -88,10 +103,10 @@ impl Run {
         };
         let [full, quiet, partial] = sum.routes;
         let first = self.news.first_violation.as_ref();
-        let checked = self.options.events != Events::Off;
+        let checked = sum.unsearched_runs == 0;
         let (runs, yarns) = (1 + sum.further_runs, self.yarns());
         // From one frame to the next of a run.
-        let followed = checked && tally.verified > runs && sum.gaps == 0;
+        let followed = checked && sum.followed > 0 && sum.gaps == 0;
         if self.setup.json {
             self.live.json(json!({
                 "summary": {
@@ -177,10 +192,16 @@ impl Run {
             some(yarns > 1, through),
             Some(hidden),
         ];
+        let in_runs = match sum.unsearched_runs {
+            n if n < runs => format!(" in {}", plural(n, "run")),
+            _ => String::new(),
+        };
         let not_searched = format!(
-            "not verified: {} (--events=between searches for pull-throughs)",
+            "not verified: {}{in_runs} (--events=between searches for pull-throughs)",
             joined(&not_searched, ", ")
         );
+        let never = open > 0 && checked && sum.followed == 0 && tally.verified > 1;
+        let no_step = format!("not verified: {open_curves}, because no step was searched");
         let gaps = plural(sum.gaps, "gap");
         let place = match self.setup.live {
             true => "before the watch started",
@@ -191,11 +212,17 @@ impl Run {
         let unverified = [
             some(!checked, not_searched),
             some(checked && sum.gaps > 0, gaps),
+            some(never && sum.gaps == 0, no_step),
             some(!sum.left_out.is_empty(), LeftOut::sentence(&sum.left_out)),
             some(sum.unresolved.pull_throughs > 0, sum.unresolved.words()),
             sum.unmeasured.as_ref().map(unmeasured),
         ];
-        let passed = format!("{open_curves} verified for pull-throughs, without linking numbers");
+        let cuts = match sum.cuts {
+            0 => String::new(),
+            n => format!(", but not in {}", plural(n, "cut of the motion")),
+        };
+        let passed =
+            format!("{open_curves} verified for pull-throughs{cuts}, without linking numbers");
         let jumps = format!("{}, and were followed", jumped(sum.jumps));
         let others = [
             some(followed && open > 0, passed),

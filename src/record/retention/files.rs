@@ -80,14 +80,15 @@ impl Files {
     /// Writes a frame; before it the baseline, if the frame does not continue the last one in the
     /// file.
     pub fn write(&mut self, record: &FrameRecord, start: &Start) -> Result<()> {
-        if self.is_full(record, start)
-            && let Some(open) = self.open.take()
-        {
-            // The system writes its content to the disk; waiting for that could take seconds.
-            open.sink.close()?;
-        }
+        let full = self.is_full(record, start);
+        let full = self.open.take_if(|_| full);
         if self.open.is_none() {
             self.create_next()?;
+        }
+        if let Some(mut full) = full {
+            full.sink.continue_in(self.last_name())?;
+            // The system writes its content to the disk; waiting for that could take seconds.
+            full.sink.close()?;
         }
         let again = std::mem::take(&mut self.again);
         let Some(open) = &mut self.open else {
@@ -146,6 +147,12 @@ impl Files {
         full && open.frames > 0
     }
 
+    /// Returns the name of the last file.
+    fn last_name(&self) -> String {
+        let name = self.last.as_ref().and_then(|last| last.file_name());
+        name.unwrap_or_default().to_string_lossy().into()
+    }
+
     /// Creates a file after the first one, under the next name that is free: an existing file is no
     /// reason to lose a recording that is hours old.
     fn create_next(&mut self) -> Result<()> {
@@ -176,9 +183,8 @@ impl Files {
         if self.number > 1 {
             metadata.insert(PART.into(), self.number.to_string());
         }
-        if let Some(last) = &self.last {
-            let name = last.file_name().unwrap_or_default().to_string_lossy();
-            metadata.insert(CONTINUES.into(), name.into());
+        if self.last.is_some() {
+            metadata.insert(CONTINUES.into(), self.last_name());
         }
         self.open = Some(Open {
             sink: (self.create)(&path, &metadata)?,

@@ -147,9 +147,11 @@ fn sink(mut files: Files, retention: Retention) -> Result<Box<dyn Sink>> {
     })
 }
 
-/// Keys of the metadata of a file after the first one: its number, and the file before it.
+/// Keys of the metadata of one of several files: its number from 2 on, the file before it, and the
+/// one after it.
 pub(crate) const PART: &str = "part";
-const CONTINUES: &str = "continues";
+pub(crate) const CONTINUES: &str = "continues";
+pub(crate) const CONTINUED: &str = "continued_in";
 
 /// State of the run before a frame.
 #[derive(Clone, Debug, Default)]
