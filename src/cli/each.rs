@@ -12,6 +12,8 @@ use std::fs::File;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::num::NonZeroUsize;
+#[cfg(unix)]
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::{Mutex, PoisonError};
@@ -73,6 +75,11 @@ fn key(files: &[PathBuf], options: &str) -> String {
     for file in files {
         let file = file.metadata().ok();
         let modified = file.as_ref().and_then(|file| file.modified().ok());
+        // A copy may keep the time of the file that it replaces.
+        #[cfg(unix)]
+        file.as_ref()
+            .map(|f| (f.ctime(), f.ctime_nsec()))
+            .hash(&mut hasher);
         (file.map(|file| file.len()), modified).hash(&mut hasher);
     }
     format!("{:016x}", hasher.finish())
