@@ -339,14 +339,27 @@ impl State {
         let progress = session.progress();
         let verify = move || (session.verify(received), session);
         let ((outcome, mut session), signals) = watched(py, is_quick, Some(&progress), verify)?;
-        if session.progress().is_cancelled() {
-            let (options, state) = (self.options.clone(), session.state());
+        let interrupt = signals.and_then(|()| py.check_signals());
+        if interrupt.is_err() || session.progress().is_cancelled() {
+            let (options, mut state) = (self.options.clone(), session.state());
+            if let Ok(VerifiedFrame { report, info, .. }) = &outcome
+                && report.rejected.is_none()
+            {
+                // The step ended, but nobody sees its report.
+                let why = format!(
+                    "Ctrl-C interrupted the step to frame {}, whose report is lost",
+                    report.seq
+                );
+                let intact = report.last_intact == Some(report.seq);
+                let last = report.last_intact.filter(|_| !intact);
+                state = state.after_unknown_frames(info.cuts, last, false, why);
+            }
             *session = linkwatch::Session::resume(options, state).map_err(exception)?;
         }
         self.session = Some(session);
         self.longest = self.longest.max(start.elapsed());
         self.most = self.most.max(segments);
-        signals?;
+        interrupt?;
         self.next.seq += 1;
         let verified = outcome.map_err(exception)?;
         let info = &verified.info;

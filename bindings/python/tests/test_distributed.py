@@ -170,3 +170,15 @@ def test_a_lost_worker_of_dask_costs_its_chunk_only(tmp_path):
         frames = [Frame(np.concatenate(linked(0.1 * k)), [-4, -4], seq=k) for k in range(30)]
         sent = linkwatch.check(frames, client=client, chunk=4)
         assert tables(sent) == tables(linkwatch.check(frames))
+
+
+def test_other_curves_without_names_are_rejected_in_every_chunk():
+    """Regression test: a session that went on from a state took them for the same."""
+    rings = chain(3, points=8)
+    frames = [rings] * 6 + [[rings[0], rings[1][:7], rings[2]]] * 6
+    alone = tables(linkwatch.check(frames, events="off"))
+    assert alone["verdict"] == "incomplete"
+    with ThreadPoolExecutor(2) as client:
+        for chunk in (2, 3, 4):
+            found = linkwatch.check(frames, events="off", client=client, chunk=chunk)
+            assert tables(found) == alone, chunk

@@ -89,3 +89,13 @@ def test_frames_are_chosen_as_in_other_analyses(capsys):
     assert analysis.run(stop=0).results.run.verdict == "incomplete" and len(analysis.frames) == 0
     with pytest.raises(TypeError, match="threshold"):
         linkwatch.mdanalysis.LinkAnalysis(made, threshold=1)
+
+
+def test_an_option_that_fails_says_why():
+    """Regression test: the message was that of an attribute of None."""
+    made = universe([linked(0.1 * k) for k in range(3)])
+    for option in ({"events": "x"}, {"radius": -1}, {"invariants": "x"}):
+        with pytest.raises(ValueError) as why:
+            linkwatch.check(made, **option)
+        with pytest.raises(ValueError, match=re.escape(str(why.value))):
+            linkwatch.mdanalysis.LinkAnalysis(made, **option).run()

@@ -2,10 +2,14 @@
 
 import copy
 import json
+import os
 import pickle
 import re
+import signal
 import subprocess
 import sys
+import threading
+import time
 import warnings
 import xml.dom.minidom
 from concurrent.futures import ThreadPoolExecutor
@@ -345,3 +349,82 @@ def test_a_segment_that_spans_half_of_the_scene_is_a_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert linkwatch.check([torn, torn], cell=[10, 10, 10], wrapped=True).notes == []
+
+
+def test_options_do_not_hold_for_frames_that_have_them():
+    """Regression test: they were ignored without a word."""
+    frames = [Frame(np.concatenate(points), [-4, -4]) for points in BROKEN]
+    for option in (
+        {"cell": [10] * 3},
+        {"closed": True},
+        {"names": ["a", "b"]},
+        {"basis": "bezier"},
+    ):
+        with pytest.raises(TypeError, match=f"there is no option '{next(iter(option))}'"):
+            linkwatch.check(frames, **option)
+    assert linkwatch.check(frames).verdict == "changed"
+
+
+def test_frames_remember_what_their_file_left_out():
+    """Regression test: a list of the frames of a file was intact."""
+    frames = [Frame(np.concatenate(points), [-4, -4]) for points in BROKEN[:2]]
+    frames = [replace(frame, left_out=("1 quadratic edge (cell 2)",)) for frame in frames]
+    run = linkwatch.check(frames)
+    assert run.verdict == "incomplete" and run.left_out == ["1 quadratic edge (cell 2)"]
+
+
+@pytest.mark.parametrize("in_pool", [False, True])
+def test_a_simulation_may_write_over_its_points(in_pool):
+    """Regression test: all frames of a chunk were the last one."""
+
+    def points():
+        now = np.empty((8, 3))
+        for ring, other in BROKEN:
+            now[:4], now[4:] = ring, other
+            yield now
+
+    with ThreadPoolExecutor(2) as client:
+        client = client if in_pool else None
+        assert linkwatch.check(points(), counts=[-4, -4], client=client).verdict == "changed"
+
+
+def test_open_curves_that_nothing_verifies_are_not_intact():
+    """Regression test: an open curve has no knot, and steps that are cut are not searched."""
+    line = np.random.default_rng(0).normal(size=(2, 12, 3))
+    run = linkwatch.check([[line[0]], [line[1]]], closed=False, invariants="self")
+    assert run.verdict == "incomplete" and "one curve alone" in run.summary
+    ring, other = BROKEN[0]
+    frames = [Frame(np.concatenate([ring, other]), [4, -4], seq=k, cuts=k) for k in range(3)]
+    run = linkwatch.check(frames)
+    assert run.verdict == "incomplete" and "no step was searched" in run.summary
+    far = [ring, other + [9, 0, 0]]
+    run = linkwatch.check([far], baseline=linkwatch.certify(far), closed=False)
+    assert run.verdict == "incomplete" and "nothing was verified" in run.summary
+
+
+def test_each_curve_may_have_its_own_radius():
+    """Regression test: a list was lost, and an array was an error."""
+    of_number = linkwatch.check(BROKEN, radius=0.05).frames
+    for radius in ([0.05, 0.05], (0.05, 0.05), np.array([0.05, 0.05])):
+        assert linkwatch.check(BROKEN, radius=radius).frames == of_number
+
+
+def test_a_report_that_ctrl_c_took_makes_the_next_frame_undecided():
+    """Regression test: the step had ended, and a repetition of it was intact."""
+    number = 300_000
+    at = np.linspace(-1, 1, number)
+    noise = 1e-7 * np.random.default_rng(1).normal(size=(2, number, 3))
+
+    def chains(height):
+        one = np.stack([at, 0 * at, 0 * at], axis=1)
+        return [one + noise[0], np.stack([0 * at, at, 0 * at + height], axis=1) + noise[1]]
+
+    session = linkwatch.Session(closed=False)
+    session.step(chains(2e-6))
+    threading.Timer(0.05, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        session.step(chains(-2e-6))
+        time.sleep(1)
+    report = session.step(chains(-2e-6))
+    # The step was cancelled, or its report is lost.
+    assert report.verdict == "changed" or "Ctrl-C" in str(report), report

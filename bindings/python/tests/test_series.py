@@ -153,3 +153,13 @@ def test_frames_without_an_answer_are_nan():
 
 def test_a_ribbon_is_measured_in_one_frame():
     assert ribbon().linking == 0
+
+
+def test_strands_that_touch_have_no_twist():
+    """Regression test: it was any number."""
+    axis = circle(12, [0, 0, 0], [[1, 0, 0], [0, 1, 0]])
+    touching = axis * 1.2
+    touching[0] = axis[0]
+    options = {"pairing": "parallel", "axis": "first"}
+    assert np.isnan(linkwatch.twist([[axis, touching]], **options)).all()
+    assert np.isfinite(linkwatch.twist([[axis, axis * 1.2]], **options)).all()

@@ -1081,8 +1081,9 @@ def assert_intact(
         report = session.step(frame)
         if not report.intact:
             raise AssertionError(str(report))
-        several = len(frame if counts is None else counts) > 1
-        run._has_pairs |= several or options.get("cell") is not None
+        run._curves = len(frame if counts is None else counts)
+        run._has_pairs |= run._curves > 1 or options.get("cell") is not None
+        run._followed += bool(run.frames)
         run._add(report)
     run._end(session)
     if gaps := run._gaps():

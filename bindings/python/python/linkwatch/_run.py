@@ -86,6 +86,9 @@ def frames_in_memory(
     labels = arguments.words("names", names)
     vectors = None if cell is None else np.reshape(arguments.twelve(cell), (4, 3))
     by_default = counts is None and closed is None
+    options = {"counts": counts, "closed": closed, "names": names or None, "cell": cell}
+    given_options = [name for name, value in options.items() if value is not None]
+    given_options += ["basis"] if basis != "polyline" else []
 
     def load() -> Iterator[Frame]:
         for seq, one in enumerate(given):
@@ -93,9 +96,17 @@ def frames_in_memory(
                 points, sizes = arguments.frame(one, numbers, closed, f"frame {seq}")
                 at = float(seq)
                 one = Frame(points, sizes, basis, labels, [], vectors, seq, at, None, by_default)
-            elif one.seq == 0:
-                # The default of all.
-                one = dataclasses.replace(one, seq=seq)
+            else:
+                if given_options:
+                    raise TypeError(
+                        f"frame {seq} is a `Frame`, with counts, names, basis and cell of its own: "
+                        f"there is no option {given_options[0]!r} for it"
+                    )
+                left_out = found.summary.left_out
+                left_out += [what for what in one.left_out if what not in left_out]
+                if one.seq == 0:
+                    # The default of all.
+                    one = dataclasses.replace(one, seq=seq)
             yield one
 
     found = Frames(Path("frames"), load, Summary(), getattr(given, "__len__", lambda: None)())
@@ -140,7 +151,11 @@ class Run:
         self._left_out: dict[str, str] = {}
         self._first: str | None = None
         self._open = self._jumps = 0
+        #: Largest number of curves of a frame.
+        self._curves = 0
         self._has_pairs = False
+        #: Number of steps between frames that were searched, if any are.
+        self._followed = 0
         self._unmeasured: str | None = None
 
     @property
@@ -224,7 +239,9 @@ class Run:
         self._left_out = {**later._left_out, **self._left_out}
         self._first = self._first or later._first
         self._open, self._jumps = max(self._open, later._open), later._jumps
+        self._curves = max(self._curves, later._curves)
         self._has_pairs |= later._has_pairs
+        self._followed += later._followed
         self._unmeasured = self._unmeasured or later._unmeasured
 
     def _gaps(self) -> list[str]:
@@ -246,16 +263,23 @@ class Run:
             gaps.append("one frame, and nothing to compare it with")
         kinds: Any = self.options.get("invariants") or getattr(baseline, "invariants", "")
         compared = verified > 1 or verified == 1 and baseline is not None
-        sees_itself = verified > 1 and self.options.get("events") == "all" or "self" in kinds
+        only_open = self._open == self._curves
+        # An open curve is no knot.
+        has_knots = "self" in kinds and not only_open
+        sees_itself = verified > 1 and self.options.get("events") == "all" or has_knots
         if compared and not self._has_pairs and not sees_itself:
             gaps.append(
                 "nothing was verified: one curve alone has no linking number; events='all' "
                 "searches for pull-throughs of a curve with itself, invariants='self' compares its "
                 "knot"
             )
-        if self.options.get("events") == "off" and self._open and verified > 1:
+        if verified == 1 and baseline is not None and only_open:
+            gaps.append("nothing was verified: open curves are searched from frame to frame")
+        is_off = self.options.get("events") == "off"
+        if self._open and verified > 1 and (is_off or not self._followed):
             curves = plural(self._open, "open curve", "open curves")
-            gaps.append(f"not verified: {curves} (events='between' searches for pull-throughs)")
+            why = "events='between' searches for pull-throughs"
+            gaps.append(f"not verified: {curves} ({why if is_off else 'no step was searched'})")
         if self._unmeasured:
             gaps.append(f"clearance was not measured in all frames: {self._unmeasured}")
         if self.left_out:
@@ -304,7 +328,7 @@ class Run:
         curves = plural(self._open, "open curve", "open curves")
         if self._open and len(self.frames) - rejected == 1:
             lines.append(f"not verified: {curves} (searched from one frame to the next)")
-        elif self._open and self.options.get("events") != "off":
+        elif self._open and self._followed and self.options.get("events") != "off":
             lines.append(f"{curves} verified for pull-throughs, without linking numbers")
         if self._jumps:
             times = plural(self._jumps, "time", "times")
@@ -541,8 +565,9 @@ class Checker:
     def step(self, frame: Frame, *, begins_part: bool = False) -> Report:
         """Verifies a frame."""
         options = dict(self.run.options)
-        published = options["radius"] == "published"
-        radii = frame.radii if published else []
+        given = options["radius"]
+        published = given == "published"
+        radii = frame.radii if published else given if isinstance(given, list) else []
         if self.session is None:
             if published and not radii:
                 raise ValueError(f"frame {frame.seq} has no radii: give a radius")
@@ -580,6 +605,7 @@ class Checker:
         points, counts = arguments.frame(frame.positions, frame.counts, None)
         report = raw.step(points, counts, frame.time, (frame.seq, cell, frame.rejected))
         if report.rejected is None:
+            self.run._followed += self._cuts == frame.cuts and not begins_part
             self._verified, self._cuts = described, frame.cuts
         return report
 
@@ -587,6 +613,7 @@ class Checker:
         """Verifies frames, and adds them to the run."""
         begins = self._state is None
         for frame in frames:
+            self.run._curves = max(self.run._curves, len(frame.counts))
             self.run._has_pairs |= len(frame.counts) > 1 or frame.cell is not None
             report = self.step(frame)
             self.run._add(report)
@@ -646,6 +673,8 @@ def options_of(
     """Returns the options of a session that verifies a run."""
     if isinstance(baseline, (str, os.PathLike)):
         baseline = Certificate.read(baseline)
+    if radius is not None and np.ndim(radius) == 1:
+        radius = np.asarray(radius, float).tolist()
     return dict(
         baseline=baseline,
         events=events,

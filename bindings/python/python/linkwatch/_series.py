@@ -143,12 +143,17 @@ def twist(frames: Any, *, described: dict[str, Any] | None = None, **options: An
         options: those of :func:`linkwatch.ribbon`: ``strands``, ``pairing``, ``axis``.
 
     Returns:
-        numpy.ndarray: the shape ``(frames,)``. NaN in frames that are invalid.
+        numpy.ndarray: the shape ``(frames,)``. NaN in frames that are invalid, or in
+        which the strands touch.
 
     Raises:
         ValueError: the curves cannot be the strands of a ribbon, or an option is invalid.
     """
-    measure = lambda frame: ribbon(frame[0], frame[1], **options).twist  # noqa: E731
+
+    def measure(frame: Frame) -> float:
+        found = ribbon(frame[0], frame[1], **options)
+        return np.nan if found.linking is None else found.twist
+
     return _series(frames, described or {}, measure)
 
 

@@ -31,6 +31,7 @@ Every process uses all cores unless ``RAYON_NUM_THREADS`` says otherwise.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 import os
@@ -163,11 +164,17 @@ def _sent(source: Frames, chunk: int | None) -> Iterator[Any]:
     """Yields chunks of frames that are read here."""
     frames = iter(source)
     overlap: list[Frame] = []
-    for first in frames:
+    for first in map(_copied, frames):
         rest = (chunk or min(max(SENT // max(first.positions.nbytes, 1), 4), 1024)) - 1
-        part = [*overlap, first, *itertools.islice(frames, rest)]
+        read = [first, *itertools.islice(map(_copied, frames), rest)]
+        part = [*overlap, *read]
         overlap = part[-1:]
         yield part
+
+
+def _copied(frame: Frame) -> Frame:
+    """Returns a frame with points of its own: a simulation may write the next ones over them."""
+    return dataclasses.replace(frame, positions=frame.positions.copy())
 
 
 def _frames(part: Any) -> Iterable[Frame]:

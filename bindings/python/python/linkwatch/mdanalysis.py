@@ -136,8 +136,10 @@ class LinkAnalysis(_base.AnalysisBase):  # type: ignore[misc,name-defined]
             verbose=self._verbose if verbose is None else verbose,
             **progressbar_kwargs or {},
         )
-        found = distributed._verify(frames, self._options, state, True)
-        numbers, times = ([row[key] for row in found[0].frames] for key in ("frame", "time"))
+        # A part after the first one is verified again if it fails.
+        found = distributed._verify(frames, self._options, state, state is not None)
+        rows = [] if found[0] is None else found[0].frames
+        numbers, times = ([row[key] for row in rows] for key in ("frame", "time"))
         results = _base.Results(parts=[(before, stop, found)])
         return SimpleNamespace(frames=numbers, times=times, results=results)
 

@@ -50,6 +50,8 @@ class Frame:
     #: Number of times so far that the simulator rolled back or jumped. The step to a frame in which
     #: it differs is not searched for pull-throughs.
     cuts: int = 0
+    #: Elements of the file that may be curves and were not read.
+    left_out: tuple[str, ...] = ()
 
     @property
     def closed(self) -> list[bool]:
@@ -141,6 +143,9 @@ class Frames:
         for frame in self._load():
             if frame.rejected is not None:
                 self.summary.rejected.append(f"frame {frame.seq} is invalid: {frame.rejected}")
+            left_out = tuple(self.summary.left_out)
+            if frame.left_out != left_out:
+                frame = dataclasses.replace(frame, left_out=left_out)
             yield frame
 
     def __len__(self) -> int:
