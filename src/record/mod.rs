@@ -19,10 +19,11 @@ pub use crate::formats::container::Ending;
 #[cfg(feature = "cli")]
 pub(crate) use missing::MissingFrames;
 pub use reader::{RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
+pub(crate) use retention::CONTINUED;
 #[cfg(feature = "cli")]
 pub use retention::with_suffix;
 #[cfg(feature = "cli")]
-pub(crate) use retention::{CONTINUED, CONTINUES, PART};
+pub(crate) use retention::{CONTINUES, PART};
 pub use retention::{RecordingOptions, Retention};
 pub use writer::RecordingSink;
 

@@ -286,6 +286,7 @@ impl Session {
     }
 
     /// Begins another run, in which other pull-throughs are searched for.
+    #[cfg(feature = "cli")]
     pub(crate) fn begin_run_with(&mut self, events: Events) {
         self.options.events = events;
         self.begin_run();
