@@ -63,7 +63,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let options = args.format.options(&args.cell_args);
     let mut cells = Cells::new(args.cell_args);
     let part = match &inputs[..] {
-        [one] => recorded::part(one),
+        [one] => recorded::part(one).map(|part| part.number),
         _ => None,
     };
     let frames = Sequence::new(inputs, options, args.one_motion);

@@ -2,27 +2,46 @@
 
 use super::output::{count, plural};
 use super::source::Source;
-use crate::record::{CONTINUED, CONTINUES, CUT_OFF, MissingFrames, PART};
+use crate::record::{CONTINUED, CUT_OFF, MissingFrames, PART};
 use linkwatch::formats::ModelFrame;
-use linkwatch::{Ending, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, Result, Verdict};
-use std::ffi::OsString;
-use std::path::Path;
+use linkwatch::{
+    Ending, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, Result, Retention, Verdict,
+};
+use std::path::{Path, PathBuf};
 
-/// Returns the number of a file among those of a recorded run, from 1. `None` if it cannot be read
-/// as a recording.
-pub fn part(path: &Path) -> Option<u32> {
+/// A file of a recorded run.
+pub struct Part {
+    /// Its number among the files, from 1.
+    pub number: u32,
+    /// Path without this number.
+    run: PathBuf,
+    /// True if frames are left out on purpose.
+    pub leaves_out: bool,
+}
+
+impl Part {
+    /// Returns true if both are files of one run, by their names.
+    pub fn is_of_run(&self, other: &Part) -> bool {
+        self.run == other.run
+    }
+}
+
+/// Returns which file of a recorded run this is. `None` if it cannot be read as a recording.
+pub fn part(path: &Path) -> Option<Part> {
     let mut source = Source::new(path).ok()?;
     // The metadata is before the first item.
     source.next().ok()?;
-    let number = source.reader.metadata().get(PART);
-    number.map_or(Some(1), |number| number.parse().ok())
-}
-
-/// Returns the name of the file of a recorded run that this one continues, if there is one.
-pub fn continued(path: &Path) -> Option<OsString> {
-    let mut source = Source::new(path).ok()?;
-    source.next().ok()?;
-    source.reader.metadata().get(CONTINUES).map(OsString::from)
+    let metadata = source.reader.metadata();
+    let number = metadata.get(PART);
+    let number = number.map_or(Some(1), |number| number.parse().ok())?;
+    let stem = path.file_stem()?.to_string_lossy();
+    let run = stem.strip_suffix(&format!("-part{number}"));
+    let on_purpose = [Retention::EVERY, Retention::WINDOW];
+    Some(Part {
+        number,
+        run: path.with_file_name(run.unwrap_or(&stem)),
+        leaves_out: on_purpose.iter().any(|key| metadata.contains_key(*key)),
+    })
 }
 
 /// Frames of a recording with what the simulator told about them: cell, cuts, layout, names, radii

@@ -5,7 +5,6 @@ use super::recorded;
 use linkwatch::formats::{Format, ModelFrame, ReadOptions};
 use linkwatch::{CurveSet, Error, FrameInfo, LeftOut, Received, Result};
 use std::collections::VecDeque;
-use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -13,8 +12,8 @@ use std::sync::Arc;
 ///
 /// Files of one frame each are the frames of one motion. Files of several frames each are runs of
 /// their own: each begins a run, unless all files are one motion, or it is the next file of a
-/// recording. (A file of one frame continues
-/// the files before it. The first file of several frames continues those of one frame before it.)
+/// recording. (A file of one frame continues the files before it. The first file of several frames
+/// continues those of one frame before it.)
 #[derive(Default)]
 pub struct Sequence {
     options: ReadOptions,
@@ -26,10 +25,8 @@ pub struct Sequence {
     /// True if a file so far had several frames.
     had_several: bool,
     current: Option<File>,
-    /// Number of the last file, if it is one of several of a recorded run.
-    part: Option<u32>,
-    /// Name of the last file.
-    last: Option<OsString>,
+    /// The last file, if it is a recording.
+    part: Option<recorded::Part>,
     /// Elements that were not read of the current file.
     left_out: Vec<LeftOut>,
     /// Number of the next frame, if it has none of its own.
@@ -47,8 +44,10 @@ struct File {
     frames: FileFrames,
     /// True until its first frame was taken, if that begins a run.
     begins_run: bool,
-    /// True until its first valid frame was taken, if files before it are missing.
+    /// True until its first valid frame was taken, if frames before it are missing.
     after_gap: bool,
+    /// Likewise, if whole files are.
+    lacks_files: bool,
     /// Number of cuts and layout number of its last valid frame.
     last_seen: Option<(u32, u32)>,
 }
@@ -94,25 +93,27 @@ impl Sequence {
         let most_ahead = if self.single { 0 } else { 2 };
         let ahead: Vec<_> = frames.by_ref().take(most_ahead).collect();
         let has_several = ahead.len() > 1;
-        let last = std::mem::replace(&mut self.last, path.file_name().map(OsString::from));
-        let continued = match input::is_mcap(&path) && !self.single {
-            true => recorded::continued(&path),
-            false => None,
-        };
-        let is_next = continued.is_some() && continued == last;
+        let part = (!self.single && input::is_mcap(&path)).then(|| recorded::part(&path));
+        let last = self.part.take();
+        let (mut is_next, mut lacks_files, mut after_gap) = (false, false, false);
+        if let (Some(Some(part)), Some(last)) = (&part, &last)
+            && part.number > 1
+            && (self.one_motion || part.is_of_run(last))
+        {
+            is_next = part.number == last.number + 1;
+            lacks_files = !is_next;
+            // The frames between them may be left out.
+            after_gap = lacks_files || part.leaves_out;
+        }
+        self.part = part.flatten();
         let begins_run = has_several && self.had_several && !self.one_motion && !is_next;
         self.had_several |= has_several;
-        let part = self.one_motion.then(|| recorded::part(&path)).flatten();
-        let before = std::mem::replace(&mut self.part, part);
-        let after_gap = match self.one_motion {
-            true => part.is_some_and(|part| part > 1 && before.is_some_and(|n| n + 1 != part)),
-            false => continued.is_some() && last.is_some() && !is_next,
-        };
         Ok(File {
             path,
             frames: Box::new(ahead.into_iter().chain(frames)),
             begins_run,
             after_gap,
+            lacks_files,
             last_seen: None,
         })
     }
@@ -223,9 +224,11 @@ impl Iterator for Sequence {
         }
         if let Ok(curves) = &frame.curves {
             self.note(curves, &frame.info);
+            if let Some(file) = &mut self.current {
+                frame.after_gap |= std::mem::take(&mut file.after_gap);
+            }
             let file = self.current.as_mut();
-            if file.is_some_and(|file| std::mem::take(&mut file.after_gap)) {
-                frame.after_gap = true;
+            if file.is_some_and(|file| std::mem::take(&mut file.lacks_files)) {
                 let kind = ["gap between files of a run", "gaps between files of a run"];
                 let gap = LeftOut::new(1, kind, path.display().to_string());
                 LeftOut::merge(&mut frame.info.left_out, &[gap]);

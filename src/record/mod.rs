@@ -21,9 +21,9 @@ pub(crate) use missing::MissingFrames;
 pub use reader::{RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
 pub(crate) use retention::CONTINUED;
 #[cfg(feature = "cli")]
-pub use retention::with_suffix;
+pub(crate) use retention::PART;
 #[cfg(feature = "cli")]
-pub(crate) use retention::{CONTINUES, PART};
+pub use retention::with_suffix;
 pub use retention::{RecordingOptions, Retention};
 pub use writer::RecordingSink;
 

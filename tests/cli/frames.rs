@@ -263,15 +263,21 @@ fn a_missing_file_of_a_recorded_run_is_a_gap() {
     assert!(run.stdout.contains(says), "{}", run.stdout);
 }
 
-/// Writes frames of curves, negative counts for closed ones.
-fn run_of(folder: &Path, name: &str, counts: &[i32], frames: &[Vec<[f64; 3]>]) -> PathBuf {
+/// Writes frames of curves, negative counts for closed ones. Each frame is a cut if `cut` is true.
+fn run_of(
+    folder: &Path,
+    name: &str,
+    (counts, cut): (&[i32], bool),
+    frames: &[Vec<[f64; 3]>],
+) -> PathBuf {
     let path = folder.join(name);
     let mut writer = FrameWriter::create(&path, Format::Npz).unwrap();
     for (k, points) in (0..).zip(frames) {
         let positions = Positions::F64(points.as_flattened());
         let set = CurveSet::from_counts(Basis::Polyline, counts, positions);
-        let frame = ModelFrame::of(FrameInfo::at(k, k as f64), set);
-        writer.frame(&frame).unwrap();
+        let mut info = FrameInfo::at(k, k as f64);
+        info.cuts = if cut { k as u32 } else { 0 };
+        writer.frame(&ModelFrame::of(info, set)).unwrap();
     }
     writer.finish().unwrap();
     path
@@ -283,7 +289,7 @@ const SQUARE: [[f64; 3]; 4] = [[-1., -1., 0.], [1., -1., 0.], [1., 1., 0.], [-1.
 fn strand(folder: &Path, name: &str, places: &[f64]) -> PathBuf {
     let frame = |&x: &f64| [&SQUARE[..], &[[x, 0.2, -1.0], [x, 0.1, 1.0]]].concat();
     let frames: Vec<_> = places.iter().map(frame).collect();
-    run_of(folder, name, &[-4, 2], &frames)
+    run_of(folder, name, (&[-4, 2], false), &frames)
 }
 
 /// Regression test: the first run decided that no run was searched for pull-throughs.
@@ -297,7 +303,7 @@ fn each_run_is_searched_unless_its_own_first_frames_are_far_apart() {
     let far = run_of(
         folder.path(),
         "far.npz",
-        &[-4, -4],
+        (&[-4, -4], false),
         &[0., 1., 2.].map(frame),
     );
     let near = strand(folder.path(), "near.npz", &[0.0, 0.5, 1.5, 2.0]);
@@ -308,6 +314,15 @@ fn each_run_is_searched_unless_its_own_first_frames_are_far_apart() {
         let says = "do not show in 1 run ";
         assert!(run.stdout.contains(says), "{}", run.stdout);
     }
+    // Open curves of the other run are verified.
+    let intact = strand(folder.path(), "intact.npz", &[0.0, 0.1, 0.2]);
+    let run = linkwatch(&["check", "--keep-order", text(&intact), text(&far)]);
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    assert!(
+        !run.stdout.contains("not verified: 1 open"),
+        "{}",
+        run.stdout
+    );
 }
 
 /// Regression test: open curves were verified, although no step was searched.
@@ -323,10 +338,37 @@ fn open_curves_are_not_verified_if_no_step_is_searched() {
     assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
     let says = "because no step was searched";
     assert!(run.stdout.contains(says), "{}", run.stdout);
+    // Another run is no reason, nor is the next file of a recording that leaves frames out.
+    let frame = |k: f64| [&SQUARE[..], &[[1.5 * k, 0.2, -1.0], [1.5 * k, 0.1, 1.0]]].concat();
+    let frames = [0.0, 1.0, 2.0].map(frame);
+    let cuts = run_of(folder.path(), "cuts.npz", (&[-4, 2], true), &frames);
+    let rings = squares(folder.path(), "rings.npz", &[0.0, 0.1, 0.2]);
+    for files in [&[&rings, &cuts][..], &[&cuts]] {
+        let files: Vec<&str> = files.iter().map(|file| text(file)).collect();
+        let run = linkwatch(&[&["check", "--keep-order"], &files[..]].concat());
+        assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+    }
+    let long = |x: f64| (0..12_000).map(move |k| [x, 0.2, f64::from(k) / 6_000.0 - 1.0]);
+    let frames = (0..24).map(|k| {
+        SQUARE
+            .into_iter()
+            .chain(long(0.01 * f64::from(k)))
+            .collect()
+    });
+    let frames: Vec<Vec<[f64; 3]>> = frames.collect();
+    let model = run_of(folder.path(), "long.npz", (&[-4, 12_000], false), &frames);
+    let recording = folder.path().join("long.mcap");
+    let record = format!("{},every=2,max=1MB", text(&recording));
+    let run = linkwatch(&["check", text(&model), "--record", &record]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let second = folder.path().join("long-part2.mcap");
+    let run = linkwatch(&["check", text(&recording), text(&second)]);
+    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+    assert!(!run.stdout.contains(" runs"), "{}", run.stdout);
     // An open curve has no knot either.
     let line = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 1.0, 0.0]];
     let frames = [0.0, 0.1].map(|z| line.map(|[x, y, _]| [x, y, z * x * y]).to_vec());
-    let line = run_of(folder.path(), "line.npz", &[3], &frames);
+    let line = run_of(folder.path(), "line.npz", (&[3], false), &frames);
     let run = linkwatch(&["check", "--invariants=self", text(&line)]);
     assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
 }

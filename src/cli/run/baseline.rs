@@ -57,6 +57,7 @@ impl Run {
     /// Begins another run, with this search for pull-throughs: the next frame does not belong to
     /// the motion of those before it.
     pub fn begin_run(&mut self, events: Events) {
+        self.end_run();
         self.options.events = events;
         self.sum.unsearched_runs += u64::from(events == Events::Off);
         self.session.begin_run_with(events);

@@ -28,7 +28,7 @@ pub use state::RunState;
 use self::baseline::Origin;
 use self::junit::Junit;
 use self::news::News;
-use self::summary::{Summary, jumped};
+use self::summary::{Steps, Summary, jumped};
 use super::Outcome;
 use super::cell_args::{CellArgs, say};
 use super::files::Files;
@@ -149,6 +149,10 @@ pub struct Run {
     is_new_run: bool,
     /// Number of open curves of this run that are counted.
     open_curves: u64,
+    /// Steps of this run.
+    steps: Steps,
+    /// True until the first verified frame after that of another process.
+    resumed: bool,
     /// Number of rejected frames after the last verified one.
     rejected: u64,
     /// Start of the run, by the clock of the system, which may be set meanwhile, and by one that
@@ -209,6 +213,8 @@ impl Run {
             sent_layout: 0,
             is_new_run: true,
             open_curves: 0,
+            steps: Steps::default(),
+            resumed: false,
             rejected: 0,
             start: (SystemTime::now(), Instant::now()),
             last_check: None,
@@ -325,7 +331,8 @@ impl Run {
         if judged.report.verdict == Verdict::Rejected {
             self.rejected += 1;
         } else {
-            self.sum.count_step(self.begun, judged.step);
+            let has_step = self.begun || std::mem::take(&mut self.resumed);
+            self.steps.count(has_step, judged.step);
             self.begin_baseline(&judged);
             self.rejected = 0;
             let stats = judged.report.stats;
@@ -386,8 +393,32 @@ impl Run {
         self.data_lost();
     }
 
+    /// Counts the curves that this run did not verify, because no step was searched. Without
+    /// linking numbers, only a search for pull-throughs can verify curves.
+    fn end_run(&mut self) {
+        let through = self.session.baseline();
+        let through = through.map_or(0, Certificate::periods_without_numbers) as u64;
+        let Steps {
+            verified,
+            followed,
+            cuts,
+        } = std::mem::take(&mut self.steps);
+        let sum = &mut self.sum;
+        sum.through |= through > 0;
+        sum.followed += followed;
+        sum.cuts += cuts;
+        if verified > 1 && self.options.events == Events::Off {
+            sum.unsearched += self.open_curves;
+            sum.unsearched_through |= through > 0;
+        } else if verified > 1 && followed == 0 {
+            sum.unfollowed += self.open_curves;
+            sum.unsearched_through |= through > 0;
+        }
+    }
+
     /// Closes the sinks and prints the summary.
     pub fn finish(mut self) -> Outcome {
+        self.end_run();
         let tally = self.tally;
         let mut kept = Vec::new();
         let mut summaries = Vec::new();
@@ -443,15 +474,9 @@ impl Run {
         // An open curve is no knot.
         let knots = !self.sum.only_open
             && (options.invariants.contains(&curve) || baseline.is_some_and(compares));
-        // Without linking numbers, only a search for pull-throughs can verify curves.
-        let through = self.session.baseline();
-        let through = through.map_or(0, Certificate::periods_without_numbers);
         // The other process has seen the curves of its frames.
         let own = tally.since(self.before).verified;
-        let steps = !searched && tally.verified > 1
-            || own > 1 && self.sum.followed == 0
-            || self.sum.gaps > 0;
-        let unsearched = (open > 0 || through > 0) && steps;
+        let unsearched = self.sum.unverified_curves();
         let alone = tally.verified == 1 && self.sum.only_open;
         let itself = options.events == Events::All && tally.verified > 1;
         let compared = own > 0 && (tally.verified > 1 || baseline.is_some());

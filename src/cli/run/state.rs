@@ -42,8 +42,7 @@ impl Run {
         self.session = Session::resume(options, state.session)?;
         self.session.share_progress(progress);
         self.origin = state.origin;
-        // The step from its last frame.
-        self.sum.followed += 1;
+        self.resumed = true;
         Ok(())
     }
 

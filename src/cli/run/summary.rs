@@ -67,9 +67,17 @@ pub struct Summary {
     pub unmeasured: Option<String>,
     /// Number of gaps over which no step is searched: in a recording, or before a watch started.
     pub gaps: u64,
-    /// Number of steps between verified frames that were searched, if any are, and of cuts.
+    /// Sums of [`Steps`].
     pub followed: u64,
     pub cuts: u64,
+    /// Numbers of open curves of runs without a search for pull-throughs, and of those in which no
+    /// step was searched.
+    pub unsearched: u64,
+    pub unfollowed: u64,
+    /// True if curves that run through the cell have no linking number, and if no step of such a
+    /// run was searched.
+    pub through: bool,
+    pub unsearched_through: bool,
     /// Number of runs without a search for pull-throughs.
     pub unsearched_runs: u64,
     /// Number of runs that began after the first one.
@@ -79,10 +87,29 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Counts the step to a frame that was verified. The first one of a run, or after a gap, has
-    /// none.
-    pub fn count_step(&mut self, has_step: bool, step: Continuation) {
+    /// Returns true if curves have no linking number, and were not searched for pull-throughs.
+    pub fn unverified_curves(&self) -> bool {
+        let has_curves = self.open_curves > Some(0) || self.through;
+        let unsearched = self.unsearched + self.unfollowed > 0 || self.unsearched_through;
+        unsearched || has_curves && self.gaps > 0
+    }
+}
+
+/// Steps between the verified frames of a run.
+#[derive(Default)]
+pub struct Steps {
+    /// Number of verified frames.
+    pub verified: u64,
+    /// Numbers of steps that continue the motion, and of cuts.
+    pub followed: u64,
+    pub cuts: u64,
+}
+
+impl Steps {
+    /// Counts a verified frame. The first one of a run, or after a gap, has no step.
+    pub fn count(&mut self, has_step: bool, step: Continuation) {
         let is = |kind| u64::from(has_step && step == kind);
+        self.verified += 1;
         self.followed += is(Continuation::Continues);
         self.cuts += is(Continuation::Cut);
     }
@@ -106,7 +133,7 @@ impl Run {
         let checked = sum.unsearched_runs == 0;
         let (runs, yarns) = (1 + sum.further_runs, self.yarns());
         // From one frame to the next of a run.
-        let followed = checked && sum.followed > 0 && sum.gaps == 0;
+        let followed = sum.followed > 0 && sum.unsearched_runs < runs && !sum.unverified_curves();
         if self.setup.json {
             self.live.json(json!({
                 "summary": {
@@ -188,7 +215,7 @@ impl Run {
         let through = format!("{} curves that run through the cell", count(yarns));
         let hidden = "pull-throughs that linking numbers do not show".to_owned();
         let not_searched = [
-            some(open > 0, open_curves.clone()),
+            some(sum.unsearched > 0, plural(sum.unsearched, "open curve")),
             some(yarns > 1, through),
             Some(hidden),
         ];
@@ -200,8 +227,8 @@ impl Run {
             "not verified: {}{in_runs} (--events=between searches for pull-throughs)",
             joined(&not_searched, ", ")
         );
-        let never = open > 0 && checked && sum.followed == 0 && tally.verified > 1;
-        let no_step = format!("not verified: {open_curves}, because no step was searched");
+        let unfollowed = plural(sum.unfollowed, "open curve");
+        let no_step = format!("not verified: {unfollowed}, because no step was searched");
         let gaps = plural(sum.gaps, "gap");
         let place = match self.setup.live {
             true => "before the watch started",
@@ -212,14 +239,17 @@ impl Run {
         let unverified = [
             some(!checked, not_searched),
             some(checked && sum.gaps > 0, gaps),
-            some(never && sum.gaps == 0, no_step),
+            some(sum.unfollowed > 0 && sum.gaps == 0, no_step),
             some(!sum.left_out.is_empty(), LeftOut::sentence(&sum.left_out)),
             some(sum.unresolved.pull_throughs > 0, sum.unresolved.words()),
             sum.unmeasured.as_ref().map(unmeasured),
         ];
         let cuts = match sum.cuts {
             0 => String::new(),
-            n => format!(", but not in {}", plural(n, "cut of the motion")),
+            n => format!(
+                ", but not in {}",
+                plural_of(n, "cut of the motion", "cuts of the motion")
+            ),
         };
         let passed =
             format!("{open_curves} verified for pull-throughs{cuts}, without linking numbers");

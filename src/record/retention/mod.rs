@@ -150,7 +150,7 @@ fn sink(mut files: Files, retention: Retention) -> Result<Box<dyn Sink>> {
 /// Keys of the metadata of one of several files: its number from 2 on, the file before it, and the
 /// one after it.
 pub(crate) const PART: &str = "part";
-pub(crate) const CONTINUES: &str = "continues";
+const CONTINUES: &str = "continues";
 pub(crate) const CONTINUED: &str = "continued_in";
 
 /// State of the run before a frame.

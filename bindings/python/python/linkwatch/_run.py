@@ -86,7 +86,7 @@ def frames_in_memory(
     labels = arguments.words("names", names)
     vectors = None if cell is None else np.reshape(arguments.twelve(cell), (4, 3))
     by_default = counts is None and closed is None
-    options = {"counts": counts, "closed": closed, "names": names or None, "cell": cell}
+    options = {"counts": counts, "closed": closed, "names": labels or None, "cell": cell}
     given_options = [name for name, value in options.items() if value is not None]
     given_options += ["basis"] if basis != "polyline" else []
 
