@@ -363,6 +363,7 @@ def test_options_do_not_hold_for_frames_that_have_them():
         with pytest.raises(TypeError, match=f"there is no option '{next(iter(option))}'"):
             linkwatch.check(frames, **option)
     assert linkwatch.check(frames).verdict == "changed"
+    assert linkwatch.check(BROKEN, names=np.array(["a", "b"])).verdict == "changed"
 
 
 def test_frames_remember_what_their_file_left_out():
