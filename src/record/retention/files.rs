@@ -82,14 +82,18 @@ impl Files {
     pub fn write(&mut self, record: &FrameRecord, start: &Start) -> Result<()> {
         let full = self.is_full(record, start);
         let full = self.open.take_if(|_| full);
-        if self.open.is_none() {
-            self.create_next()?;
-        }
+        let created = match self.open {
+            Some(_) => Ok(()),
+            None => self.create_next(),
+        };
         if let Some(mut full) = full {
-            full.sink.continue_in(self.last_name())?;
+            if created.is_ok() {
+                full.sink.continue_in(self.last_name())?;
+            }
             // The system writes its content to the disk; waiting for that could take seconds.
             full.sink.close()?;
         }
+        created?;
         let again = std::mem::take(&mut self.again);
         let Some(open) = &mut self.open else {
             return Ok(());
