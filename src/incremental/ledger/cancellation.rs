@@ -64,12 +64,8 @@ pub(super) fn cancel(found: &mut Vec<LocatedPassage>, curves: [Curve; 2]) {
 
 /// Returns the indices of passages that cancel in pairs and moved further than the limit. Prefers
 /// those that moved furthest.
-pub(super) fn far_and_cancelling<P>(
-    passages: &[P],
-    limit: f64,
-    event: impl Fn(&P) -> &PullThrough,
-) -> Vec<usize> {
-    let event = |k: usize| event(&passages[k]);
+pub(super) fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<usize> {
+    let event = |k: usize| &passages[k];
     let [forward, backward] = [1, -1].map(|sign| {
         let far = |k: &usize| event(*k).sign == sign && event(*k).lengths > limit;
         let mut far: Vec<usize> = (0..passages.len()).filter(far).collect();

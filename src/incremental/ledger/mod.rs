@@ -71,7 +71,6 @@ mod swept;
 #[cfg(test)]
 pub(super) mod tests;
 
-use self::cancellation::far_and_cancelling;
 pub(crate) use self::contact::{Contacts, Touching};
 pub(crate) use self::outcome::Outcome;
 use self::pair::{Part, Step, Workspace};
@@ -183,7 +182,13 @@ impl Ledger {
         let within = outcome.events.len();
         contacts.follow(&found.contacts, frames, outcome);
         if outcome.events.len() > within {
-            set_apart_far(outcome, self.motion_limit);
+            // Those that began in a contact may cancel others of their pair.
+            let mut all = std::mem::take(&mut outcome.events);
+            all.append(&mut outcome.unresolved);
+            all.sort_by_key(|e| (e.i, e.j));
+            for of_pair in all.chunk_by(|a, b| (a.i, a.j) == (b.i, b.j)) {
+                outcome.add_passages(of_pair, self.motion_limit);
+            }
         }
         sort_by_time(&mut outcome.events);
         sort_by_time(&mut outcome.unresolved);
@@ -278,26 +283,6 @@ impl Ledger {
             let curves = curves.filter(|&i| filter.is_none_or(|filter| filter.contains(i, i)));
             self.pairs.extend(curves.map(|i| (i, i)));
             self.pairs.par_sort_unstable();
-        }
-    }
-}
-
-/// Decides again which passages cancel within their pair and moved further than the limit, with
-/// those that began in a contact.
-fn set_apart_far(outcome: &mut Outcome, limit: f64) {
-    let Outcome {
-        events, unresolved, ..
-    } = outcome;
-    let mut all = std::mem::take(events);
-    all.append(unresolved);
-    all.sort_by_key(|e| (e.i, e.j));
-    for of_pair in all.chunk_by(|a, b| (a.i, a.j) == (b.i, b.j)) {
-        let far = far_and_cancelling(of_pair, limit, |event| event);
-        for (k, event) in of_pair.iter().enumerate() {
-            match far.contains(&k) {
-                true => unresolved.push(*event),
-                false => events.push(*event),
-            }
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Result of a step of the ledger, and its work counters.
 
+use super::cancellation::far_and_cancelling;
 use super::contact::{Contacts, Touching};
 use crate::certificate::Comparison;
 use crate::pairs::Pair;
@@ -35,6 +36,18 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
+    /// Adds all passages of a pair. Those that cancel and moved further than the limit are
+    /// unresolved.
+    pub(super) fn add_passages(&mut self, of_pair: &[PullThrough], limit: f64) {
+        let far = far_and_cancelling(of_pair, limit);
+        for (k, passage) in of_pair.iter().enumerate() {
+            match far.contains(&k) {
+                true => self.unresolved.push(*passage),
+                false => self.events.push(*passage),
+            }
+        }
+    }
+
     /// Returns the outcome with other indices: curve `i` becomes `curves[i]`. They are ascending.
     /// The contacts in the last frame, and the pairs of near splines, are discarded.
     pub fn with_curves(mut self, curves: &[u32]) -> Outcome {

@@ -1,6 +1,6 @@
 //! Search for the passages of one pair of curves, or of a curve and itself.
 
-use super::cancellation::{cancel, far_and_cancelling};
+use super::cancellation::cancel;
 use super::candidates::Gathered;
 use super::contact::Contact;
 use super::outcome::Outcome;
@@ -11,7 +11,7 @@ use crate::cancel::Cancel;
 use crate::curve::{CurveSet, Parts};
 use crate::discretize::MovingSeparation;
 use crate::pairs::{Pair, closest_of_segments};
-use crate::verdict::{Defect, DefectKind, Link};
+use crate::verdict::{Defect, DefectKind, Link, PullThrough};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -234,13 +234,8 @@ impl Task<'_> {
         contacts.append(&mut found.contacts);
         let curves = self.curves.map(|i| frames[0].curve(i));
         cancel(&mut found.passages, curves);
-        let far = far_and_cancelling(&found.passages, self.step.motion_limit, |f| &f.event);
-        for (k, passage) in found.passages.iter().enumerate() {
-            match far.contains(&k) {
-                true => outcome.unresolved.push(passage.event),
-                false => outcome.events.push(passage.event),
-            }
-        }
+        let passages: Vec<PullThrough> = found.passages.iter().map(|f| f.event).collect();
+        outcome.add_passages(&passages, self.step.motion_limit);
         let signs = found.passages.iter().map(|f| i64::from(f.event.sign));
         let lambda = signs.sum();
         if !self.is_self() && lambda != 0 && curves.iter().all(|c| c.closed) {
