@@ -100,10 +100,13 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut ahead = VecDeque::new();
     let far = args.is_far_apart(&mut frames, &mut ahead);
     let several = ahead.len() > 1;
-    if from_first_frame && !several {
-        let Some(first) = ahead.pop_front() else {
-            return Err(usage!("{name}: no frame"));
-        };
+    if ahead.is_empty() {
+        return Err(usage!("{name}: no frame"));
+    }
+    if from_first_frame
+        && !several
+        && let Some(first) = ahead.pop_front()
+    {
         // If the frame cannot be read, that is the reason.
         let Frame { curves, path, .. } = first?;
         curves.map_err(|e| e.in_file(&path))?;
@@ -111,9 +114,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             "one frame and nothing to compare it with: also give later ones of its motion, \
                     or --baseline CERT (`linkwatch certify MODEL -o CERT` writes one)"
         ));
-    }
-    if ahead.is_empty() {
-        return Err(usage!("{name}: no frame"));
     }
     if let (false, Some(Ok(first))) = (from_first_frame, ahead.front())
         && !first.info.labels.names.is_empty()

@@ -94,9 +94,10 @@ impl Sequence {
         let ahead: Vec<_> = frames.by_ref().take(most_ahead).collect();
         let has_several = ahead.len() > 1;
         let part = (!self.single && input::is_mcap(&path)).then(|| recorded::part(&path));
+        let part = part.flatten();
         let last = self.part.take();
         let (mut is_next, mut lacks_files, mut after_gap) = (false, false, false);
-        if let (Some(Some(part)), Some(last)) = (&part, &last)
+        if let (Some(part), Some(last)) = (&part, &last)
             && part.number > 1
             && (self.one_motion || part.is_of_run(last))
         {
@@ -105,7 +106,7 @@ impl Sequence {
             // The frames between them may be left out.
             after_gap = lacks_files || part.leaves_out;
         }
-        self.part = part.flatten();
+        self.part = part;
         let begins_run = has_several && self.had_several && !self.one_motion && !is_next;
         self.had_several |= has_several;
         Ok(File {
@@ -226,12 +227,11 @@ impl Iterator for Sequence {
             self.note(curves, &frame.info);
             if let Some(file) = &mut self.current {
                 frame.after_gap |= std::mem::take(&mut file.after_gap);
-            }
-            let file = self.current.as_mut();
-            if file.is_some_and(|file| std::mem::take(&mut file.lacks_files)) {
-                let kind = ["gap between files of a run", "gaps between files of a run"];
-                let gap = LeftOut::new(1, kind, path.display().to_string());
-                LeftOut::merge(&mut frame.info.left_out, &[gap]);
+                if std::mem::take(&mut file.lacks_files) {
+                    let kind = ["gap between files of a run", "gaps between files of a run"];
+                    let gap = LeftOut::new(1, kind, path.display().to_string());
+                    LeftOut::merge(&mut frame.info.left_out, &[gap]);
+                }
             }
         }
         input::warn_of_new(&path, &mut self.left_out, &frame.info.left_out);

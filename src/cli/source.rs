@@ -71,7 +71,8 @@ impl Source {
     }
 }
 
-/// Warns of a recording that was cut off, and of one of a run without an end, once it was read.
+/// Warns, once it was read, of a recording that was cut off, and of one of a run without an end.
+/// Also names the file in which the run continues.
 /// Returns true if it is one.
 pub fn warn_of_cut(source: &Source) -> bool {
     let path = source.path.display();

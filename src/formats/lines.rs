@@ -122,8 +122,15 @@ impl<R: BufRead> Lines<R> {
 
 /// Returns the words of a text.
 pub(super) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
-    let words = text.split(u8::is_ascii_whitespace);
-    words.filter(|word| !word.is_empty())
+    words_between(text, u8::is_ascii_whitespace)
+}
+
+/// Returns the words of a text between these characters.
+pub(super) fn words_between(
+    text: &[u8],
+    is_between: impl Fn(&u8) -> bool,
+) -> impl Iterator<Item = &[u8]> {
+    text.split(is_between).filter(|word| !word.is_empty())
 }
 
 /// Parses a word as an integer, or returns an error text.

@@ -259,7 +259,7 @@ struct Collector {
 struct Violation {
     /// Number of its frames with each verdict.
     verdicts: [u64; 6],
-    /// What lasted before it: a change, and another finding.
+    /// Values of `lasting_changed` and `lasting_unsettled` of [`Facts`] before its first frame.
     before: (Option<NamedFinding>, Option<NamedFinding>),
 }
 

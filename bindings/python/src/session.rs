@@ -350,9 +350,9 @@ impl State {
                     "Ctrl-C interrupted the step to frame {}, whose report is lost",
                     report.seq
                 );
-                let intact = report.last_intact == Some(report.seq);
-                let last = report.last_intact.filter(|_| !intact);
-                state = state.after_unknown_frames(info.cuts, last, false, why);
+                let last = report.last_intact;
+                let intact = last == Some(report.seq);
+                state = state.after_unknown_frames(info.cuts, last, intact, why);
             }
             *session = linkwatch::Session::resume(options, state).map_err(exception)?;
         }

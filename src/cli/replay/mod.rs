@@ -320,7 +320,7 @@ impl Replay<'_> {
             Some(_) if !self.comparison.differing.is_empty() => {}
             Some(found) if !report.missing.is_empty() => {
                 self.comparison.incomplete += 1;
-                // What the first one was compared with is not in the recording.
+                // The first frame was compared with one that is not in the recording.
                 if !is_first {
                     self.note_worse(&found, &report);
                 }

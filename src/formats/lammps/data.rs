@@ -12,7 +12,7 @@ use super::cell::{Atom, SimulationBox, atom};
 use crate::curve::Point;
 use crate::curve::vector::add;
 use crate::error::{Error, Result};
-use crate::formats::lines::{Lines, integer, words};
+use crate::formats::lines::{Lines, integer, words, words_between};
 use crate::formats::{number, quote};
 use crate::verdict::LeftOut;
 use std::io::BufRead;
@@ -126,11 +126,8 @@ pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Dat
 
 /// Returns the periodic directions by the title of a file, if it has the command `boundary`.
 fn boundary(title: &[u8]) -> [bool; 3] {
-    let is_between = |b: &u8| !b.is_ascii_alphanumeric();
-    let words: Vec<&[u8]> = title
-        .split(is_between)
-        .filter(|word| !word.is_empty())
-        .collect();
+    let words = words_between(title, |b| !b.is_ascii_alphanumeric());
+    let words: Vec<&[u8]> = words.collect();
     let is_code = |word: &&[u8]| word.len() <= 2 && word.iter().all(|c| b"pfsm".contains(c));
     let mut windows = words.windows(4);
     let named = windows.find(|w| w[0] == b"boundary" && w[1..].iter().all(is_code));

@@ -2,7 +2,7 @@
 
 use super::GROUPS;
 use crate::curve::{Cell, Point};
-use crate::formats::lines::integer;
+use crate::formats::lines::{integer, words_between};
 use crate::formats::torn::cell_along;
 use crate::formats::{number, quote};
 
@@ -91,8 +91,7 @@ impl Comment {
     /// `cell` or `box`, perhaps with a word between them, as i-PI writes it.
     pub fn has_other_cell(&self, text: &[u8]) -> bool {
         let is_between = |b: &u8| b.is_ascii_whitespace() || b"=:,;\"'()[]{}".contains(b);
-        let words = text.split(is_between).filter(|word| !word.is_empty());
-        let words: Vec<&[u8]> = words.collect();
+        let words: Vec<&[u8]> = words_between(text, is_between).collect();
         let is_cell = |word: &[u8]| [&b"cell"[..], b"box"].contains(&&*word.to_ascii_lowercase());
         let three = |w: &[&[u8]]| w.len() > 2 && w[..3].iter().all(|w| number(w).is_ok());
         let begins = |k: usize| {
@@ -126,8 +125,7 @@ impl Comment {
 
 /// Returns the words of a value, such as the numbers of an array `[[9, 0, 0], [0, 8, 0], ..]`.
 fn parts(value: &[u8]) -> impl Iterator<Item = &[u8]> {
-    let parts = value.split(|b| b.is_ascii_whitespace() || b",[]".contains(b));
-    parts.filter(|part| !part.is_empty())
+    words_between(value, |b| b.is_ascii_whitespace() || b",[]".contains(b))
 }
 
 fn numbers<const N: usize>(value: &[u8]) -> Result<[f64; N], String> {

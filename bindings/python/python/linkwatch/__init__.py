@@ -314,8 +314,9 @@ class Session:
         Curves may be added, removed, reordered, or get another number of points. Linking numbers of
         curves are compared by their names, and those of new curves are expected to stay as they are
         in their first frame. Pull-throughs are searched for among the curves that keep their name
-        and number of points. A frame is undecided in which nothing compares a curve with before:
-        see "Names and radii" in the book. A name belongs to one curve for the whole session.
+        and number of points. A frame is undecided if a curve cannot be compared with the
+        frames before: see "Names and radii" in the book. A name belongs to one curve for the whole
+        session.
         ``Report.appeared`` and ``Report.gone`` list the names of curves that come and go.
 
         Without names, curves cannot be compared: after the first frame, frames are rejected until
@@ -515,9 +516,9 @@ class Client:
         Curves may be added, removed, reordered, or get another number of points. The watcher
         compares the linking numbers of curves by their names, and expects those of new curves to
         stay as they are in their first frame. It searches for pull-throughs among the curves that
-        keep their name and number of points. A frame is undecided in which nothing compares a curve
-        with before: see "Names and radii" in the book. A name belongs to one curve for the whole
-        session.
+        keep their name and number of points. A frame is undecided if a curve cannot be
+        compared with the frames before: see "Names and radii" in the book. A name belongs to one
+        curve for the whole session.
 
         Raises:
             ValueError: an argument is invalid, or arrays of the frames of too many earlier

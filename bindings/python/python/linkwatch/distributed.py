@@ -162,12 +162,11 @@ def _parts(source: Frames, chunk: int | None, workers: int) -> Iterator[Any]:
 
 def _sent(source: Frames, chunk: int | None) -> Iterator[Any]:
     """Yields chunks of frames that are read here."""
-    frames = iter(source)
+    frames = map(_copied, source)
     overlap: list[Frame] = []
-    for first in map(_copied, frames):
+    for first in frames:
         rest = (chunk or min(max(SENT // max(first.positions.nbytes, 1), 4), 1024)) - 1
-        read = [first, *itertools.islice(map(_copied, frames), rest)]
-        part = [*overlap, *read]
+        part = [*overlap, first, *itertools.islice(frames, rest)]
         overlap = part[-1:]
         yield part
 

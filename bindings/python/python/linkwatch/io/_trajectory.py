@@ -249,10 +249,15 @@ def _conects(path: Path) -> set[tuple[str, ...]]:
     with open(path, encoding="latin-1") as file:
         for line in file:
             if line.startswith("CONECT"):
-                text = line[6:].rstrip()
-                atoms = [text[k : k + 5].strip() for k in range(0, len(text), 5)]
-                found.update(tuple(sorted((atoms[0], other))) for other in atoms[1:])
+                found.update(tuple(sorted(pair)) for pair in _conect(line))
     return found
+
+
+def _conect(line: str) -> list[tuple[str, str]]:
+    """Returns the serial numbers of an atom and of each other one that a line CONECT names."""
+    text = line[6:].rstrip()
+    atoms = [text[k : k + 5].strip() for k in range(0, len(text), 5)]
+    return [(atoms[0], other) for other in atoms[1:] if other]
 
 
 def _ids(group: Any, frame: int) -> Array:
@@ -413,9 +418,7 @@ def check_bonds(path: Path) -> None:
     with open(path, encoding="latin-1") as file:
         for line in file:
             if line.startswith("CONECT"):
-                text = line[6:].rstrip()
-                fields = [text[k : k + 5].strip() for k in range(0, len(text), 5)]
-                bonds.update((fields[0], other) for other in fields[1:] if other)
+                bonds.update(_conect(line))
             elif is_first and line.startswith(("ATOM", "HETATM")):
                 serials[line[6:11].strip()] += 1
             # The first model is the topology.
