@@ -8,6 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use serde_json::json;
+use std::ffi::CString;
 use std::path::PathBuf;
 
 /// Description of a valid argument `path`, for messages.
@@ -206,7 +207,8 @@ impl Certificate {
         Ok(matrix.into_any())
     }
 
-    /// Linking numbers that differ from those of a baseline.
+    /// Linking numbers that differ from those of a baseline. Pairs and curves without a linking
+    /// number in one of both are not compared, which is an UnverifiedWarning.
     ///
     /// Raises ValueError if the numbers of curves differ.
     fn compare(&self, py: Python<'_>, baseline: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
@@ -214,6 +216,15 @@ impl Certificate {
         let baseline: Certificate = argument("baseline", baseline, expected)?;
         let compared = self.numbers.compare(&baseline.numbers);
         let compared = compared.map_err(exception)?;
+        if let Some(first) = compared.defects.first() {
+            let first = first.sentence_named(0.0, &[]);
+            let what = match compared.defects.len() {
+                1 => format!("not compared: {first}"),
+                n => format!("{n} pairs or curves are not compared: {first}, .."),
+            };
+            let category = py.import("linkwatch")?.getattr("UnverifiedWarning")?;
+            PyErr::warn(py, &category, &CString::new(what)?, 1)?;
+        }
         result(py, "Change", changes(&compared.changes, 0.0, &[]), &[])
     }
 

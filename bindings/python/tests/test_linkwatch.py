@@ -168,6 +168,15 @@ def test_certificates_are_written_and_compared(tmp_path):
         linkwatch.Certificate.read(tmp_path / "none.txt")
 
 
+def test_comparing_certificates_warns_of_pairs_that_are_not_compared():
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    touching = linkwatch.certify([square, square + [2, 0, 0], square + [9, 0, 0]])
+    apart = linkwatch.certify([square, square + [3, 0, 0], square + [9, 0, 0]])
+    for new, old in (touching, apart), (apart, touching):
+        with pytest.warns(linkwatch.UnverifiedWarning, match="not compared: .*0 and 1"):
+            assert new.compare(old) == []
+
+
 @pytest.mark.parametrize(
     "call, words",
     [

@@ -140,7 +140,7 @@ class UndecidedError(Exception):
 
 class UnverifiedWarning(UserWarning):
     """Something is not verified: curves that are open or may be torn at the boundary of the cell,
-    or the clearance of strands.
+    pairs that ``Certificate.compare`` cannot compare, or the clearance of strands.
 
     >>> import linkwatch
     >>> import warnings
