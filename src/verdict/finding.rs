@@ -89,13 +89,17 @@ impl Finding<'_> {
         !matches!(self, Finding::Defect(_) | Finding::Unresolved(_))
     }
 
+    /// Returns its curves in words for a label.
+    pub fn label_of_curves(self, names: &[String]) -> String {
+        match self.pair() {
+            (i, Some(j), image) => super::label_of_pair((i, j), image, names),
+            (i, None, _) => super::label_of_curve(i, names),
+        }
+    }
+
     /// Returns a few words for a label beside the place.
     pub fn label(self, names: &[String]) -> String {
-        let (i, j, image) = self.pair();
-        let curves = match j {
-            Some(j) => super::label_of_pair((i, j), image, names),
-            None => super::label_of_curve(i, names),
-        };
+        let curves = self.label_of_curves(names);
         match self {
             Finding::Change(c) => {
                 let (expected, found) = (c.expected, c.found);

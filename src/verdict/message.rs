@@ -30,12 +30,14 @@ impl fmt::Display for Place {
     }
 }
 
-/// Returns two curves in words: "curves 3 and 4", "curve 3 and the image 1,0,0 of curve 4".
+/// Returns two curves in words: "curves 3 and 4", "parts of curve 3", "curve 3 and the image 1,0,0
+/// of curve 4".
 pub(crate) fn words_of_pair((i, j): (u32, u32), image: Image, names: &[String]) -> String {
     let [first, second] = [i, j].map(|curve| words_of_curve(curve, names));
     let [n1, n2, n3] = image;
     match (is_home(&image), i == j) {
-        (true, _) => format!("curves {first} and {second}"),
+        (true, false) => format!("curves {first} and {second}"),
+        (true, true) => format!("parts of curve {first}"),
         (false, false) => format!("curve {first} and the image {n1},{n2},{n3} of curve {second}"),
         (false, true) => format!("curve {first} and its image {n1},{n2},{n3}"),
     }
@@ -203,15 +205,11 @@ impl Defect {
     /// Returns the defect in a few words: "curves 3 and 4 touch".
     pub(crate) fn words(&self, names: &[String]) -> String {
         let (i, what) = (words_of_curve(self.i, names), self.kind.words());
+        let is_alone = self.j == Some(self.i) && is_home(&self.image);
         match self.j {
-            Some(j) if j == self.i && is_home(&self.image) => match self.kind {
-                DefectKind::Unaccounted => {
-                    format!(
-                        "curve {i} has a change of v2 that differs from that of its pull-throughs"
-                    )
-                }
-                _ => format!("parts of curve {i} {what}"),
-            },
+            Some(_) if is_alone && self.kind == DefectKind::Unaccounted => {
+                format!("curve {i} has a change of v2 that differs from that of its pull-throughs")
+            }
             Some(j) => format!("{} {what}", words_of_pair((self.i, j), self.image, names)),
             None => format!("curve {i} {what}"),
         }
@@ -235,18 +233,10 @@ impl fmt::Display for Defect {
 }
 
 impl CloseStrands {
-    /// Returns the strands in words: "curves 3 and 4", "parts of curve 3".
-    fn words(&self, names: &[String]) -> String {
-        match self.i == self.j && is_home(&self.image) {
-            true => format!("parts of curve {}", words_of_curve(self.i, names)),
-            false => words_of_pair((self.i, self.j), self.image, names),
-        }
-    }
-
     /// Returns a sentence: see [`Change::sentence_named`].
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
         let ([s, t], [p, q]) = (self.segments, self.points);
-        let strands = self.words(names);
+        let strands = words_of_pair((self.i, self.j), self.image, names);
         let middle = per_axis(|x| p[x] + 0.5 * (q[x] - p[x]));
         let notation = Notation::of_scene(extent, middle);
         let (point, distance) = (notation.point(middle), notation.length(self.distance));
@@ -270,8 +260,10 @@ impl Clearance {
     pub(crate) fn reason(&self) -> Option<String> {
         let closest = self.closest.filter(|_| self.low)?;
         let (share, trend) = (100.0 * closest.ratio, self.trend(closest.ratio));
-        let what = format!("low clearance of {}", closest.words(&[]));
-        Some(format!("{what}, {share:.1} % of their diameter{trend}"))
+        let strands = words_of_pair((closest.i, closest.j), closest.image, &[]);
+        Some(format!(
+            "low clearance of {strands}, {share:.1} % of their diameter{trend}"
+        ))
     }
 
     /// Returns the end of a sentence about strands of this clearance.

@@ -1,7 +1,7 @@
 //! Status of a run in words, and the findings that last over several frames.
 
 use super::passed::Passed;
-use crate::verdict::{Finding, Lasting, Report, Verdict, label_of_curve, label_of_pair};
+use crate::verdict::{Finding, Lasting, Report, Verdict, label_of_curve};
 use crate::words::plural;
 use std::collections::BTreeMap;
 
@@ -84,25 +84,20 @@ pub(super) fn status(
 
 /// Returns the curves of a finding that lasts, and the finding in words.
 fn row(finding: Finding<'_>, names: &[String]) -> Option<(String, String)> {
-    match finding {
-        Finding::Change(c) => {
-            let words = format!("was {}, is {}", c.expected, c.found);
-            Some((label_of_pair((c.i, c.j), c.image, names), words))
-        }
+    let words = match finding {
+        Finding::Change(c) => format!("was {}, is {}", c.expected, c.found),
+        Finding::Invariant(c) => format!("was {}, is {}", c.expected, c.found),
+        Finding::Defect(d) => d.kind.words().to_owned(),
+        Finding::PullThrough(_) | Finding::Unresolved(_) => return None,
+    };
+    let curves = match finding {
         Finding::Invariant(c) => {
-            let curves: Vec<String> = c.curves.iter().map(|&i| label_of_curve(i, names)).collect();
-            Some((
-                curves.join(", "),
-                format!("was {}, is {}", c.expected, c.found),
-            ))
+            let curves = c.curves.iter().map(|&i| label_of_curve(i, names));
+            curves.collect::<Vec<_>>().join(", ")
         }
-        Finding::Defect(d) => {
-            let pair = d.j.map(|j| label_of_pair((d.i, j), d.image, names));
-            let curves = pair.unwrap_or_else(|| label_of_curve(d.i, names));
-            Some((curves, d.kind.words().to_owned()))
-        }
-        Finding::PullThrough(_) | Finding::Unresolved(_) => None,
-    }
+        other => other.label_of_curves(names),
+    };
+    Some((curves, words))
 }
 
 #[cfg(test)]
