@@ -30,25 +30,24 @@ impl Report {
     /// have none: they do not last, each one is new.
     pub fn lasting(&self) -> impl Iterator<Item = Option<Lasting>> + '_ {
         self.all_findings().map(|finding| {
-            let mut invariant = None;
-            let (found, kind) = match finding {
-                Finding::Change(c) => (Some(c.found), None),
-                Finding::Defect(d) => (None, Some(d.kind)),
-                Finding::Invariant(c) => {
-                    invariant = Some((c.curves.clone(), c.found.clone()));
-                    (None, None)
-                }
-                Finding::PullThrough(_) | Finding::Unresolved(_) => return None,
-            };
             let (i, j, image) = finding.pair();
-            Some(Lasting {
+            let mut lasting = Lasting {
                 i,
                 j,
                 image,
-                found,
-                kind,
-                invariant,
-            })
+                found: None,
+                kind: None,
+                invariant: None,
+            };
+            match finding {
+                Finding::Change(c) => lasting.found = Some(c.found),
+                Finding::Defect(d) => lasting.kind = Some(d.kind),
+                Finding::Invariant(c) => {
+                    lasting.invariant = Some((c.curves.clone(), c.found.clone()));
+                }
+                Finding::PullThrough(_) | Finding::Unresolved(_) => return None,
+            }
+            Some(lasting)
         })
     }
 }
@@ -89,10 +88,8 @@ impl PreviousFindings {
     /// of the frame before may still be there.
     pub fn update(&mut self, report: &Report) -> Novelty {
         let lasting: Vec<Option<Lasting>> = report.lasting().collect();
-        let is_new = |last: &Option<Lasting>| {
-            let known = last.as_ref().map(|l| self.findings.contains(l));
-            known != Some(true)
-        };
+        let is_known = |l: &Lasting| self.findings.contains(l);
+        let is_new = |l: &Option<Lasting>| !l.as_ref().is_some_and(is_known);
         let new = lasting.iter().map(is_new).collect();
         if report.verdict != Verdict::Rejected {
             self.findings = lasting.into_iter().flatten().collect();
