@@ -107,6 +107,17 @@ pub(super) enum End {
     Damaged(String),
 }
 
+/// Verdicts of frames, and the first frames that are not intact.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Verdicts {
+    /// Number of frames with each verdict, in the order of [`Verdict::ALL`].
+    pub counts: [u64; 6],
+    /// First frame with a changed topology.
+    pub changed: Option<NamedFinding>,
+    /// First frame with any other verdict than intact.
+    pub unsettled: Option<NamedFinding>,
+}
+
 /// Facts of a run.
 #[derive(Debug, Default)]
 pub(super) struct Facts {
@@ -115,10 +126,9 @@ pub(super) struct Facts {
     pub metadata: BTreeMap<String, String>,
     pub baseline: Option<Baseline>,
     pub counts: Counts,
-    /// Number of frames with each verdict, in the order of [`Verdict::ALL`].
-    pub verdicts: [u64; 6],
+    pub verdicts: Verdicts,
     /// The same, without the frames of violations that were rolled back or accepted.
-    pub lasting: [u64; 6],
+    pub lasting: Verdicts,
     /// First and last frame.
     pub span: Option<[Moment; 2]>,
     /// Time at which they arrived, in nanoseconds since 1970.
@@ -127,12 +137,6 @@ pub(super) struct Facts {
     pub stats: Stats,
     /// Largest number of open curves of a frame.
     pub open_curves: u64,
-    /// First frame with a changed topology, and first frame with any other verdict than intact.
-    pub changed: Option<NamedFinding>,
-    pub unsettled: Option<NamedFinding>,
-    /// The same, without the frames of violations that were rolled back or accepted.
-    pub lasting_changed: Option<NamedFinding>,
-    pub lasting_unsettled: Option<NamedFinding>,
     pub violations: Violations,
     pub pull_throughs: Rows<PullThroughRow>,
     /// Number of unresolved pull-throughs.
@@ -165,7 +169,7 @@ impl Facts {
             match reader.next_item() {
                 Ok(Some(item)) => collector.add(item),
                 Ok(None) => break None,
-                Err(e) if collector.facts.verdicts == [0; 6] => return Err(e),
+                Err(e) if collector.facts.verdicts.counts == [0; 6] => return Err(e),
                 Err(e) => break Some(plain(&e.to_string(), TEXT)),
             }
         };
@@ -185,7 +189,7 @@ impl Facts {
 
     /// Returns the number of frames with a verdict.
     pub fn of(&self, verdict: Verdict) -> u64 {
-        self.verdicts[verdict as usize]
+        self.verdicts.counts[verdict as usize]
     }
 
     /// Returns the pull-throughs that were searched for.
@@ -251,16 +255,9 @@ struct Collector {
     accepted: Option<u64>,
     /// Number of rejected frames after the last verified one.
     rejected: u64,
-    violation: Option<Violation>,
+    /// Lasting verdicts before the current violation.
+    before_violation: Option<Verdicts>,
     missing: MissingFrames,
-}
-
-/// The current violation.
-struct Violation {
-    /// Number of its frames with each verdict.
-    verdicts: [u64; 6],
-    /// Values of `lasting_changed` and `lasting_unsettled` of [`Facts`] before its first frame.
-    before: (Option<NamedFinding>, Option<NamedFinding>),
 }
 
 impl Collector {
@@ -318,29 +315,16 @@ impl Collector {
         counts.missing = counts.missing.saturating_add(missing);
         counts.skipped = progress.skipped;
         counts.disagreed += u64::from(progress.work.disagreed);
-        facts.verdicts[report.verdict as usize] += 1;
-        facts.lasting[report.verdict as usize] += 1;
         let ended = [counts.recovered, counts.accepted];
         (counts.recovered, counts.accepted) = (progress.recovered, progress.accepted);
         if ended != [counts.recovered, counts.accepted]
-            && let Some(violation) = self.violation.take()
+            && let Some(before) = self.before_violation.take()
         {
-            for (all, of_violation) in facts.lasting.iter_mut().zip(violation.verdicts) {
-                *all -= of_violation;
-            }
-            (facts.lasting_changed, facts.lasting_unsettled) = violation.before;
+            facts.lasting = before;
         }
         if report.abort || report.verdict == Verdict::Changed {
-            self.violation.get_or_insert_with(|| Violation {
-                verdicts: [0; 6],
-                before: (
-                    facts.lasting_changed.clone(),
-                    facts.lasting_unsettled.clone(),
-                ),
-            });
-        }
-        if let Some(violation) = &mut self.violation {
-            violation.verdicts[report.verdict as usize] += 1;
+            let lasting = || facts.lasting.clone();
+            self.before_violation.get_or_insert_with(lasting);
         }
         if report.verdict == Verdict::Rejected {
             counts.rejected += 1;
@@ -390,13 +374,14 @@ impl Collector {
             });
         }
         let found = || found(report, names);
-        if report.verdict == Verdict::Changed {
-            facts.changed.get_or_insert_with(found);
-            facts.lasting_changed.get_or_insert_with(found);
-        }
-        if report.verdict != Verdict::Intact {
-            facts.unsettled.get_or_insert_with(found);
-            facts.lasting_unsettled.get_or_insert_with(found);
+        for verdicts in [&mut facts.verdicts, &mut facts.lasting] {
+            verdicts.counts[report.verdict as usize] += 1;
+            if report.verdict == Verdict::Changed {
+                verdicts.changed.get_or_insert_with(found);
+            }
+            if report.verdict != Verdict::Intact {
+                verdicts.unsettled.get_or_insert_with(found);
+            }
         }
         let Some(clearance) = &report.clearance else {
             return;
@@ -466,13 +451,11 @@ fn found(report: &Report, names: &[String]) -> NamedFinding {
             (why.map(|why| plain(why, TEXT)), None)
         }
     };
-    let findings = report.changes.len() + report.events.len() + report.invariants.len();
-    let findings = findings + report.defects.len() + report.unresolved.len();
     NamedFinding {
         moment: Moment::of(report),
         verdict: report.verdict,
         finding,
         place,
-        more: findings.saturating_sub(1),
+        more: report.all_findings().count().saturating_sub(1),
     }
 }

@@ -36,7 +36,7 @@ impl RunReport {
         let name = self.recording.file_name().unwrap_or_default();
         let name = plain(&name.to_string_lossy(), 255);
         let (notes, has_frames) = (facts.notes(), !facts.series.bins.is_empty());
-        let violations = match self.facts.changed {
+        let violations = match self.facts.verdicts.changed {
             Some(_) => "Worst violations",
             None => "Pairs without a verdict",
         };

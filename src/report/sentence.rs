@@ -32,9 +32,9 @@ vocabulary! {
 
 impl Facts {
     pub fn conclusion(&self) -> Conclusion {
-        let some = |verdict| self.lasting[verdict as usize] > 0;
-        let all: u64 = self.lasting.iter().sum();
-        let intact = self.lasting[Verdict::Intact as usize];
+        let some = |verdict| self.lasting.counts[verdict as usize] > 0;
+        let all: u64 = self.lasting.counts.iter().sum();
+        let intact = self.lasting.counts[Verdict::Intact as usize];
         let worst_first = [
             (some(Verdict::Changed), Conclusion::Changed),
             (some(Verdict::Contact), Conclusion::Contact),
@@ -51,10 +51,10 @@ impl Facts {
     pub fn sentence(&self) -> String {
         let conclusion = self.conclusion();
         let found = match conclusion {
-            Conclusion::Changed => &self.lasting_changed,
+            Conclusion::Changed => &self.lasting.changed,
             Conclusion::Intact | Conclusion::Incomplete => &None,
-            Conclusion::Accepted | Conclusion::Recovered => &self.unsettled,
-            _ => &self.lasting_unsettled,
+            Conclusion::Accepted | Conclusion::Recovered => &self.verdicts.unsettled,
+            _ => &self.lasting.unsettled,
         };
         let Some(found) = found else {
             return self.intact();
@@ -75,10 +75,10 @@ impl Facts {
             ),
             _ => {
                 let all = self.counts.verified + self.counts.rejected;
-                let lasting: u64 = self.lasting.iter().sum();
-                let unproven = count(lasting - self.lasting[Verdict::Intact as usize]);
+                let lasting: u64 = self.lasting.counts.iter().sum();
+                let unproven = count(lasting - self.lasting.counts[Verdict::Intact as usize]);
                 let frames = plural_of(all, "frame is", "frames are");
-                let lasts = if self.changed.is_some() {
+                let lasts = if self.verdicts.changed.is_some() {
                     "lasts"
                 } else {
                     "was found"
@@ -110,7 +110,7 @@ impl Facts {
         let frames = plural(self.counts.verified, "frame");
         let frames = format!("{frames}{}{open}", span.unwrap_or_default());
         let gaps = self.gaps().join(", ");
-        let recorded = match self.unsettled {
+        let recorded = match self.verdicts.unsettled {
             None => "what was recorded is intact",
             Some(_) => "no violation lasts in what was recorded",
         };
@@ -164,7 +164,7 @@ impl Facts {
         let frames = |n: u64| plural(n, "frame");
         let mut notes = Vec::new();
         let mut note = |n: u64, words: String| notes.extend((n > 0).then_some(words));
-        if let Some(found) = &self.changed {
+        if let Some(found) = &self.verdicts.changed {
             let more = found.more as u64;
             let findings = plural(more, "more finding");
             note(more, format!("{} has {findings}", found.moment));

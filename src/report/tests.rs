@@ -633,7 +633,7 @@ fn the_timeline_of_a_million_frames_is_small_and_shows_one_violation() {
             _ => Verdict::Intact,
         };
         let report = Report::new(seq, seq as f64 * 1e-3, verdict);
-        facts.verdicts[verdict as usize] += 1;
+        facts.verdicts.counts[verdict as usize] += 1;
         facts.series.add(&report, 0.5, [0, 0]);
     }
     let svg = facts.timeline().into_string();

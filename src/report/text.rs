@@ -64,8 +64,8 @@ impl RunReport {
             "verdicts": Map::from_iter(verdicts),
             "first": facts.span.map(|[first, _]| first),
             "last": facts.span.map(|[_, last]| last),
-            "first_changed": facts.changed,
-            "first_violation": facts.lasting_unsettled,
+            "first_changed": facts.verdicts.changed,
+            "first_violation": facts.lasting.unsettled,
             "scene": {
                 "curves": stats.curves,
                 "open_curves": stats.open_curves,

@@ -36,7 +36,8 @@ impl Facts {
             *end += columns.len();
             Some((axis.x(*end - columns.len()), axis.x(*end), columns))
         });
-        let first = self.changed.as_ref().or(self.unsettled.as_ref());
+        let verdicts = &self.verdicts;
+        let first = verdicts.changed.as_ref().or(verdicts.unsettled.as_ref());
         let first = first.and_then(|found| {
             let x = axis.middle(self.series.bin_of(found.moment.frame)?);
             let (class, aside) = match x > 0.7 * WIDTH {
@@ -49,7 +50,7 @@ impl Facts {
         let words = format!("timeline of {}", plural(frames, "frame"));
         html! {
             svg viewBox={"0 0 " (WIDTH) " " (HEIGHT)} role="img"
-                aria-label={(words) ": " (words_of(&self.verdicts))}
+                aria-label={(words) ": " (words_of(&self.verdicts.counts))}
             {
                 @for (from, to, columns) in columns {
                     g {
