@@ -250,8 +250,7 @@ impl Run {
     pub fn recovered_by(&self, judged: &Judged) -> Option<u32> {
         let Judged { report, step, .. } = judged;
         let mut violations = self.sum.violations.clone();
-        let ends = violations.end_with(report, *step);
-        violations.add(report, *step);
+        let ends = violations.add(report, *step);
         ends.then_some(violations.recovered)
     }
 
@@ -322,9 +321,7 @@ impl Run {
             Verdict::Rejected => self.tally.rejected += 1,
             _ => self.tally.verified += 1,
         }
-        let violations = &mut self.sum.violations;
-        let recovered = violations.end_with(&judged.report, judged.step);
-        violations.add(&judged.report, judged.step);
+        let recovered = self.sum.violations.add(&judged.report, judged.step);
         if let Some(junit) = self.junit.as_mut().filter(|_| recovered) {
             junit.end_violation();
         }

@@ -36,23 +36,15 @@ pub struct Violations {
 }
 
 impl Violations {
-    /// Returns true if this frame ends the current violation.
-    pub fn end_with(&self, report: &Report, step: Continuation) -> bool {
-        let Some(violation) = &self.current else {
-            return false;
-        };
+    /// Adds a frame. Returns true if it ends the current violation.
+    pub fn add(&mut self, report: &Report, step: Continuation) -> bool {
         let intact = report.verdict == Verdict::Intact && report.last_intact == Some(report.seq);
-        let is_recovered = (violation.cut || step == Continuation::Cut) && intact && !report.abort;
-        step == Continuation::Accepted || is_recovered
-    }
-
-    /// Adds a frame.
-    pub fn add(&mut self, report: &Report, step: Continuation) {
-        if self.end_with(report, step)
-            && let Some(violation) = self.current.take()
-            // A low clearance alone is no violation.
-            && violation.worst > Outcome::Fine
-        {
+        let ended = self.current.take_if(|violation| {
+            let is_cut = violation.cut || step == Continuation::Cut;
+            step == Continuation::Accepted || is_cut && intact && !report.abort
+        });
+        // A low clearance alone is no violation.
+        if let Some(violation) = ended.as_ref().filter(|v| v.worst > Outcome::Fine) {
             match step {
                 Continuation::Accepted => self.accepted += violation.count,
                 _ => self.recovered += violation.count,
@@ -83,6 +75,7 @@ impl Violations {
             }
             None => self.others = self.others.max(outcome),
         }
+        ended.is_some()
     }
 
     /// Begins another run, in which nothing ends a violation of the one before.
