@@ -271,8 +271,8 @@ fn show(text: &Text, status: &str, shown: &mut String) -> io::Result<()> {
 /// Writes all bytes, retrying if the stream would block.
 fn write(target: Target, mut bytes: &[u8]) -> io::Result<()> {
     static FILES: [LazyLock<io::Result<File>>; 2] = [
-        LazyLock::new(|| file(Target::Out)),
-        LazyLock::new(|| file(Target::Err)),
+        LazyLock::new(|| file(&io::stdout())),
+        LazyLock::new(|| file(&io::stderr())),
     ];
     // True if an error left an incomplete line, so that the next text starts on a new line.
     static TORN: [AtomicBool; 2] = [AtomicBool::new(false), AtomicBool::new(false)];
@@ -304,21 +304,11 @@ fn write(target: Target, mut bytes: &[u8]) -> io::Result<()> {
 /// Opens the stream itself, without the buffer and the lock of the standard library, because a
 /// thread that holds that lock may block without limit.
 #[cfg(unix)]
-fn file(target: Target) -> io::Result<File> {
-    use std::os::fd::AsFd;
-    let fd = match target {
-        Target::Out => io::stdout().as_fd().try_clone_to_owned(),
-        Target::Err => io::stderr().as_fd().try_clone_to_owned(),
-    };
-    fd.map(File::from)
+fn file(stream: &impl std::os::fd::AsFd) -> io::Result<File> {
+    stream.as_fd().try_clone_to_owned().map(File::from)
 }
 
 #[cfg(windows)]
-fn file(target: Target) -> io::Result<File> {
-    use std::os::windows::io::AsHandle;
-    let handle = match target {
-        Target::Out => io::stdout().as_handle().try_clone_to_owned(),
-        Target::Err => io::stderr().as_handle().try_clone_to_owned(),
-    };
-    handle.map(File::from)
+fn file(stream: &impl std::os::windows::io::AsHandle) -> io::Result<File> {
+    stream.as_handle().try_clone_to_owned().map(File::from)
 }
