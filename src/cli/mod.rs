@@ -56,6 +56,7 @@ pub use order::sort_by_number;
 
 use clap::{ArgAction, Parser, Subcommand};
 use linkwatch::{Result, Verdict};
+use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::io::Write;
 #[cfg(unix)]
@@ -142,18 +143,7 @@ enum Command {
 }
 
 /// Result of a command, worst last.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    serde::Serialize,
-    serde::Deserialize,
-)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 enum Outcome {
     /// Intact, or done.
     #[default]
