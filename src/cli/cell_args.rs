@@ -142,27 +142,22 @@ impl Cells {
         self.closing.joined()
     }
 
-    /// Returns the properties of a frame that say how its curves are closed.
-    fn source(&mut self, info: &FrameInfo) -> CurveSource {
-        if std::mem::replace(&mut self.layout, info.layout) != info.layout {
-            self.closing.forget();
-        }
-        let wrapped = self.is_wrapped();
-        let of_frame = info.cell.filter(|_| wrapped);
-        CurveSource {
-            cell: self.args.cell(info.cell).or(of_frame),
-            wrapped,
-            closed_by_default: info.closed_by_default,
-        }
-    }
-
     /// Returns the curves of a frame with those closed that end where they start.
     ///
     /// # Errors
     ///
     /// The errors of [`Closing::close`].
     pub fn closed(&mut self, set: CurveSet, info: &FrameInfo) -> Result<CurveSet> {
-        let source = self.source(info);
+        if std::mem::replace(&mut self.layout, info.layout) != info.layout {
+            self.closing.forget();
+        }
+        let wrapped = self.is_wrapped();
+        let of_frame = info.cell.filter(|_| wrapped);
+        let source = CurveSource {
+            cell: self.args.cell(info.cell).or(of_frame),
+            wrapped,
+            closed_by_default: info.closed_by_default,
+        };
         Ok(self.closing.of_set(&set, source)?.unwrap_or(set))
     }
 
