@@ -186,14 +186,13 @@ fn of_output(e: Error, part: &Path, path: &Path) -> Error {
 /// [`write_whole`] for a text.
 pub fn write_text(path: &Path, overwrite: Overwrite, text: &str) -> Result<()> {
     write_whole(path, overwrite, |part| {
-        let mut options = OpenOptions::new();
-        // Standard output may be a file: its content is kept.
-        match is_stream(part) {
-            true => options.append(true),
-            false => options.write(true).create(true).truncate(true),
+        let file = match is_stream(part) {
+            // Standard output may be a file: its content is kept.
+            true => OpenOptions::new().append(true).open(part),
+            false => File::create(part),
         };
-        let file = options.open(part).map_err(Error::file(part));
-        file.and_then(|mut f| Ok(std::io::Write::write_all(&mut f, text.as_bytes())?))
+        let mut file = file.map_err(Error::file(part))?;
+        Ok(std::io::Write::write_all(&mut file, text.as_bytes())?)
     })
 }
 
