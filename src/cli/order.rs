@@ -1,16 +1,15 @@
 //! Order of model files: a shell sorts `F1 F10 F2`, but the frames of a motion are `F1 F2 F10`.
 
-use std::borrow::Cow;
 use std::collections::HashSet;
 use std::path::PathBuf;
 
 /// Part of a name: text, or a decimal number. Numbers come first, ordered by value.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Part<'a> {
+enum Part {
     /// Number of integer digits, these digits without leading zeros, those after a decimal point,
     /// and whether the number has an exponent, which is applied to the digits.
-    Number(usize, Cow<'a, str>, Cow<'a, str>, bool),
-    Text(&'a str),
+    Number(usize, String, String, bool),
+    Text(String),
 }
 
 /// How numbers in names are read.
@@ -25,7 +24,7 @@ enum Reading {
 }
 
 /// Splits a name into texts and numbers.
-fn parts(name: &str, reading: Reading) -> Vec<Part<'_>> {
+fn parts(name: &str, reading: Reading) -> Vec<Part> {
     let decimals = reading != Reading::Counts;
     let digits = |s: &str| s.len() - s.trim_start_matches(|c: char| c.is_ascii_digit()).len();
     let mut parts = Vec::new();
@@ -35,7 +34,7 @@ fn parts(name: &str, reading: Reading) -> Vec<Part<'_>> {
         if whole.is_empty() {
             let end = rest.find(|c: char| c.is_ascii_digit());
             let (text, after) = rest.split_at(end.unwrap_or(rest.len()));
-            parts.push(Part::Text(text));
+            parts.push(Part::Text(text.into()));
             rest = after;
             continue;
         }
@@ -45,20 +44,17 @@ fn parts(name: &str, reading: Reading) -> Vec<Part<'_>> {
             "" => after,
             fraction => &after[1 + fraction.len()..],
         };
-        let trimmed = |whole: &str| whole.len() - whole.trim_start_matches('0').len();
         let exponent = exponent(rest).filter(|_| reading == Reading::Exponents);
-        parts.push(match exponent {
-            None => {
-                let whole = &whole[trimmed(whole)..];
-                Part::Number(whole.len(), whole.into(), fraction.into(), false)
-            }
-            Some((by, after)) => {
-                rest = after;
-                let [mut whole, fraction] = scaled(whole, fraction, by);
-                whole.drain(..trimmed(&whole));
-                Part::Number(whole.len(), whole.into(), fraction.into(), true)
-            }
-        });
+        let (by, after) = exponent.unwrap_or((0, rest));
+        rest = after;
+        let [whole, fraction] = scaled(whole, fraction, by);
+        let whole = whole.trim_start_matches('0').to_owned();
+        parts.push(Part::Number(
+            whole.len(),
+            whole,
+            fraction,
+            exponent.is_some(),
+        ));
     }
     parts
 }
@@ -87,24 +83,22 @@ fn scaled(whole: &str, fraction: &str, by: i32) -> [String; 2] {
 
 /// Returns the sort key of a path: its folders one by one, and the name of the file before its
 /// extension, so that `out.obj` comes before `out1.obj`.
-fn key(path: &str, reading: Reading) -> Vec<Vec<Part<'_>>> {
+fn key(path: &str, reading: Reading) -> Vec<Vec<Part>> {
     let names = path.split(['/', '\\']).flat_map(name_and_extension);
     names.map(|name| parts(name, reading)).collect()
 }
 
 /// Returns the digits after a point of each number in the name of a file. Those of a number with an
 /// exponent are decimals, and left out.
-fn fractions(name: &str) -> Vec<Cow<'_, str>> {
+fn fractions(name: &str) -> Vec<String> {
     let file = name.rsplit(['/', '\\']).next().unwrap_or(name);
     let digits = |part| match part {
         Part::Number(_, _, digits, false) => Some(digits),
-        Part::Number(..) => Some(Cow::Borrowed("")),
+        Part::Number(..) => Some(String::new()),
         Part::Text(_) => None,
     };
-    parts(file, Reading::Exponents)
-        .into_iter()
-        .filter_map(digits)
-        .collect()
+    let parts = parts(file, Reading::Exponents).into_iter();
+    parts.filter_map(digits).collect()
 }
 
 /// Returns how the numbers in names are read. Digits after a point count, as in `run2.9`,
@@ -114,13 +108,11 @@ fn reading(names: &[String]) -> Reading {
     let of_files: Vec<Vec<_>> = names.iter().map(|name| fractions(name)).collect();
     let most = of_files.iter().map(Vec::len).max().unwrap_or(0);
     let are_counts = (0..most).any(|k| {
-        let same_place = of_files
-            .iter()
-            .filter_map(|file| file.get(k).map(|digits| &**digits));
+        let same_place = of_files.iter().filter_map(|file| file.get(k));
         let mut same_place = same_place.filter(|digits| !digits.is_empty());
-        let lengths: HashSet<usize> = same_place.clone().map(str::len).collect();
+        let lengths: HashSet<usize> = same_place.clone().map(String::len).collect();
         // A time of `0.000` is no count.
-        let counts = |digits: &str| digits.ends_with('0') && !digits.trim_matches('0').is_empty();
+        let counts = |d: &String| d.ends_with('0') && !d.trim_matches('0').is_empty();
         lengths.len() > 1 && same_place.any(counts)
     });
     if are_counts {
@@ -135,10 +127,10 @@ fn reading(names: &[String]) -> Reading {
                 Part::Text(sign),
                 Part::Number(..),
             ] = three
-                && ["e-", "e+", "E-", "E+"].contains(sign)
+                && ["e-", "e+", "E-", "E+"].contains(&sign.as_str())
             {
                 has_decimals |= !digits.is_empty();
-                before.insert(whole.to_string());
+                before.insert(whole.clone());
             }
         }
     }
@@ -194,10 +186,7 @@ pub fn sort(files: &mut [PathBuf]) -> bool {
 /// Sorts files by the numbers in their names, also if somebody chose another order.
 pub fn sort_by_number(files: &mut [PathBuf]) {
     let reading = reading(&names(files));
-    files.sort_by(|a, b| {
-        let [a, b] = [a, b].map(|file| file.to_string_lossy());
-        key(&a, reading).cmp(&key(&b, reading))
-    });
+    files.sort_by_cached_key(|file| key(&file.to_string_lossy(), reading));
 }
 
 /// Returns true if the files would have another order if digits after a point were read in the
