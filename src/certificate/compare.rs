@@ -78,6 +78,17 @@ impl Certificate {
         is_undefined(&self.undefined, i, j)
     }
 
+    /// Returns a defect for each pair and curve that has no linking number in the baseline, but one
+    /// here.
+    pub(super) fn fresh(&self, baseline: &Certificate) -> impl Iterator<Item = Defect> {
+        let known = baseline.undefined.iter();
+        let known = known.filter(|d| !self.has_no_number(d.i, d.j));
+        known.map(|d| Defect {
+            kind: DefectKind::NoBaseline,
+            ..*d
+        })
+    }
+
     /// Compares this frame with its baseline.
     ///
     /// A pair without a linking number on either side is not compared, but reported.
@@ -109,13 +120,8 @@ impl Certificate {
         }
         let checked = |i: u32, j: u32| unchecked.binary_search(&(i, j)).is_err();
         let mut defects = self.undefined.clone();
-        let fresh = baseline.undefined.iter();
-        let fresh =
-            fresh.filter(|d| !self.has_no_number(d.i, d.j) && d.j.is_none_or(|j| checked(d.i, j)));
-        defects.extend(fresh.map(|d| Defect {
-            kind: DefectKind::NoBaseline,
-            ..*d
-        }));
+        let fresh = self.fresh(baseline);
+        defects.extend(fresh.filter(|d| d.j.is_none_or(|j| checked(d.i, j))));
         Defect::sort(&mut defects);
         let known = |i: u32, j: u32| !is_undefined(&defects, i, Some(j));
         let [before, now] = [baseline, self].map(|c| c.links.iter().map(Link::entry));

@@ -159,30 +159,24 @@ impl Certificate {
             return Err(Error::Usage(what.into()));
         };
         let now = reduced_all(&now, &self.periods);
-        let without = |i: u32| {
-            let of_curve = |c: &Certificate| c.undefined.iter().any(|d| (d.i, d.j) == (i, None));
-            of_curve(self) || of_curve(&baseline)
-        };
-        let Differences {
-            mut changes,
-            mut fresh,
-        } = Differences::between(before, now);
-        changes.retain(|c| !without(c.i) && !without(c.j));
-        fresh.retain(|(pair, _)| !without(pair.i) && !without(pair.j));
-        let own = fresh.iter().filter(|e| is_home(&e.0.image) && e.1 != 0);
+        let without = |i: u32| self.has_no_number(i, None) || baseline.has_no_number(i, None);
+        let mut found = Differences::between(before, now);
+        found.changes.retain(|c| !without(c.i) && !without(c.j));
+        found
+            .fresh
+            .retain(|(pair, _)| !without(pair.i) && !without(pair.j));
+        let own = found
+            .fresh
+            .iter()
+            .filter(|e| is_home(&e.0.image) && e.1 != 0);
         let adopted = own.map(|&(ImagePair { i, j, .. }, lambda)| Link { i, j, lambda });
         let adopted = adopted.collect();
         let mut defects = self.undefined.clone();
-        defects.extend(fresh.iter().map(|(pair, _)| no_baseline(*pair)));
-        let known = baseline.undefined.iter();
-        let known = known.filter(|d| d.j.is_none() && !self.has_no_number(d.i, None));
-        defects.extend(known.map(|d| Defect {
-            kind: DefectKind::NoBaseline,
-            ..*d
-        }));
+        defects.extend(found.fresh.iter().map(|(pair, _)| no_baseline(*pair)));
+        defects.extend(self.fresh(&baseline).filter(|d| d.j.is_none()));
         Defect::sort(&mut defects);
         Ok(Comparison {
-            changes,
+            changes: found.changes,
             defects,
             adopted,
         })
