@@ -195,8 +195,7 @@ impl Certificate {
             .or(single.map(|[i, _]| format!("pair {i},")))
             .or(period.map(|[(i, _), _]| format!("the period of curve {i}")));
         if let Some(twice) = twice {
-            let what = format!("{twice} is listed twice");
-            return Err(Error::format("certificate", "whole file", what));
+            return Err(bad_file(format_args!("{twice} is listed twice")));
         }
         entries.retain(|e| e.1 != Some(0));
         let singles = singles.into_iter();
@@ -221,25 +220,17 @@ impl Certificate {
     /// it is not a certificate but a model, for example.
     pub fn read(path: &Path) -> Result<Certificate> {
         let bytes = std::fs::read(path).map_err(Error::file(path))?;
-        let parsed = match String::from_utf8(bytes) {
-            Ok(text) => Self::parse(&text),
-            Err(_) => {
-                let what = "binary data, expected text";
-                Err(Error::format("certificate", "whole file", what))
-            }
-        };
+        let text = String::from_utf8(bytes).map_err(|_| bad_file("binary data, expected text"));
+        let parsed = text.and_then(|text| Self::parse(&text));
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-        parsed.map_err(|e| match extension.to_str() {
-            Some("bcc" | "obj" | "vect") => {
-                let name = path.display();
-                let what = format!(
-                    "a model, not a certificate; `linkwatch certify {name} -o CERT` writes \
-                     one for it"
-                );
-                Error::format("certificate", "whole file", what).in_file(path)
-            }
-            _ => e.in_file(path),
-        })
+        let parsed = parsed.map_err(|e| match extension.to_str() {
+            Some("bcc" | "obj" | "vect") => bad_file(format_args!(
+                "a model, not a certificate; `linkwatch certify {} -o CERT` writes one for it",
+                path.display()
+            )),
+            _ => e,
+        });
+        parsed.map_err(|e| e.in_file(path))
     }
 
     /// Writes a certificate file, with `i,j,undefined` for pairs without a linking number.
@@ -307,6 +298,11 @@ pub(crate) fn undefined_entry(i: u32, j: Option<u32>, image: Image) -> Defect {
         kind,
         place,
     }
+}
+
+/// Returns an error of the whole file.
+fn bad_file(what: impl fmt::Display) -> Error {
+    Error::format("certificate", "whole file", what)
 }
 
 /// Returns the comment of the first line.
