@@ -67,7 +67,7 @@ pub(super) fn place(set: &CurveSet, spots: &[&Spot], size: f64, text: &str, view
 
 /// Returns points of both curves of a spot.
 fn curve_points<'a>(set: &'a CurveSet, spot: &Spot) -> impl Iterator<Item = Point> + 'a {
-    let strands = spot.curves.into_iter().zip(spot.segments);
+    let strands = spot.place.curves.into_iter().zip(spot.place.segments);
     let moved = strands.zip([[0.0; 3], spot.by]);
     moved.flat_map(move |((i, s), by)| {
         let (i, s) = (i as usize, s as usize);
@@ -117,13 +117,13 @@ mod tests {
     /// screen.
     fn placed(centers: &[[f64; 2]], text: &str) -> ([f64; 2], usize) {
         let (set, view) = rings(centers);
-        let place = set.knot(0, 3);
-        let spot = local::spot(
-            &set,
-            [0, centers.len() as u32 - 1],
-            ([3, 3], [0.0; 3]),
-            place,
-        );
+        let place = crate::verdict::Spot {
+            curves: [0, centers.len() as u32 - 1],
+            image: Default::default(),
+            segments: [3, 3],
+            point: set.knot(0, 3),
+        };
+        let spot = local::spot(&set, place, [0.0; 3]);
         let size = view.unit(spot.size);
         let label = super::place(&set, &[&spot], size, text, &view);
         let at = |p: Point| view.on_screen(p, spot.marks[0], size).unwrap();

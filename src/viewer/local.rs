@@ -4,13 +4,11 @@
 use crate::curve::vector::{add, sub};
 use crate::curve::{CurveSet, Point};
 pub(super) use crate::curve::{feature, nearest};
-use crate::verdict::{Finding, Report};
+use crate::verdict::{self, Finding, Report};
 
 /// Place of a finding, for the picture.
 pub(super) struct Spot {
-    /// The curves, and a segment of each.
-    pub curves: [u32; 2],
-    pub segments: [u32; 2],
+    pub place: verdict::Spot,
     /// Translation of the second curve, of which an image takes part.
     pub by: Point,
     /// Points to mark, one on each curve; the place itself if there is no curve to mark.
@@ -19,15 +17,10 @@ pub(super) struct Spot {
     pub size: f64,
 }
 
-/// Returns the marks and the size of a place between segments of curves `i` and `j`, the second one
-/// translated by `by`.
-pub(super) fn spot(
-    set: &CurveSet,
-    curves: [u32; 2],
-    (segments, by): ([u32; 2], Point),
-    point: Point,
-) -> Spot {
-    let strands = || curves.into_iter().zip(segments);
+/// Returns the marks and the size of a place between two curves, the second one translated by `by`.
+pub(super) fn spot(set: &CurveSet, place: verdict::Spot, by: Point) -> Spot {
+    let point = place.point;
+    let strands = || place.curves.into_iter().zip(place.segments);
     let mark = |((i, s), by): ((u32, u32), Point)| {
         let t = nearest(set, i, s, sub(point, by))?;
         Some(add(set.eval(i as usize, s as usize, t), by))
@@ -40,8 +33,7 @@ pub(super) fn spot(
     let sizes = strands().filter_map(|(i, s)| feature(set, i, s));
     let size = sizes.min_by(f64::total_cmp).unwrap_or(0.0);
     Spot {
-        curves,
-        segments,
+        place,
         by,
         marks,
         size,
@@ -51,8 +43,7 @@ pub(super) fn spot(
 /// Returns the place of the first finding of a report, and the size of its surroundings.
 pub(super) fn first(set: &CurveSet, report: &Report) -> Option<(Point, f64)> {
     let first = report.passages_first().find_map(Finding::spot)?;
-    let size = spot(set, first.curves, (first.segments, [0.0; 3]), first.point).size;
-    Some((first.point, size))
+    Some((first.point, spot(set, first, [0.0; 3]).size))
 }
 
 #[cfg(test)]
@@ -68,11 +59,17 @@ mod tests {
         ];
         let xyz = xyz.as_flattened();
         let set = CurveSet::from_counts(Basis::Polyline, &[-3, -3], Positions::F64(xyz)).unwrap();
-        let found = spot(&set, [0, 1], ([0, 0], [0.0; 3]), [0.5, 0.0, 25.0]);
+        let place = |point| verdict::Spot {
+            curves: [0, 1],
+            image: Default::default(),
+            segments: [0, 0],
+            point,
+        };
+        let found = spot(&set, place([0.5, 0.0, 25.0]), [0.0; 3]);
         assert_eq!(found.marks, [[0.5, 0.0, 0.0], [0.5, 0.0, 50.0]]);
         assert!(found.size < 3.0, "{}", found.size);
         // An image of the second one.
-        let found = spot(&set, [0, 1], ([0, 0], [9.0, 0.0, -50.0]), [9.5, 0.0, 0.0]);
+        let found = spot(&set, place([9.5, 0.0, 0.0]), [9.0, 0.0, -50.0]);
         assert_eq!(found.marks[1], [9.5, 0.0, 0.0]);
     }
 }

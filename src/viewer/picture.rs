@@ -40,7 +40,7 @@ pub(super) fn draw_places(drawing: &Drawing<'_>) -> Result<()> {
         let by = info
             .cell
             .map_or([0.0; 3], |cell| cell.translation(place.image));
-        let mut spot = local::spot(set, place.curves, (place.segments, by), place.point);
+        let mut spot = local::spot(set, place, by);
         let mut text = finding.label(names);
         let color = match finding {
             Finding::Change(_) | Finding::Invariant(_) => PALE_RED,
