@@ -101,16 +101,12 @@ fn unit(v: Point) -> Point {
 /// The viewer draws nothing closer to the eye than 0.01, and the eye comes no closer to its target
 /// than 0.02, for scenes of any size.
 pub(super) fn scale(set: &CurveSet) -> f64 {
-    let segments = set.curves().iter().enumerate().flat_map(|(i, curve)| {
-        let knots = (0..=curve.segments as usize).map(move |s| set.knot(i, s));
-        let next = knots.clone().skip(1);
-        knots.zip(next)
+    let lengths = set.curves().iter().enumerate().flat_map(|(i, curve)| {
+        let length = move |s| hypot(sub(set.knot(i, s + 1), set.knot(i, s)));
+        (0..curve.segments as usize).map(length)
     });
-    let length = |(p, q): (Point, Point)| hypot(sub(q, p));
-    let (count, sum) = segments.take(SAMPLED).fold((0, 0.0), |(count, sum), ends| {
-        (count + 1, sum + length(ends))
-    });
-    let mean = sum / f64::from(count.max(1));
+    let lengths: Vec<f64> = lengths.take(SAMPLED).collect();
+    let mean = lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
     if mean > 0.0 && mean < SMALL {
         10.0_f64.powi((SMALL / mean).log10().ceil().min(MOST_DIGITS) as i32)
     } else {
