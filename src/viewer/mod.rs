@@ -54,7 +54,7 @@ use self::stream::{Drawing, failed, log, log_static, write};
 use self::tubes::{MomentViews, Moments};
 use self::view::View;
 use crate::curve::Point;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::measure::ClearanceOptions;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::verdict::Verdict;
@@ -250,17 +250,6 @@ impl ViewerSink {
         due || turns || verdict != Verdict::Intact
     }
 
-    /// Returns the error for data that did not arrive.
-    fn incomplete(&self, e: impl std::fmt::Display) -> Error {
-        match self.is_file {
-            // The library has logged the error of the system.
-            true => failed(format!(
-                "its file is not complete: see the error above ({e})"
-            )),
-            false => failed(e),
-        }
-    }
-
     /// Returns an eye that sees all of the newest curves, or those around a place if one is given.
     fn eye(&self, place: Option<(Point, f64)>) -> Option<EyeControls3D> {
         let view = View::of(&self.curves.shown.as_ref()?.1)?;
@@ -395,7 +384,13 @@ impl Sink for ViewerSink {
     /// Waits for the viewer or the disk: what was not accepted is lost if either fails.
     fn flush(&mut self) -> Result<()> {
         let flushed = self.rec.flush_with_timeout(FLUSH_LIMIT);
-        flushed.map_err(|e| self.incomplete(e))
+        flushed.map_err(|e| match self.is_file {
+            // The library has logged the error of the system.
+            true => failed(format_args!(
+                "its file is not complete: see the error above ({e})"
+            )),
+            false => failed(e),
+        })
     }
 
     fn finish(mut self: Box<Self>) -> Result<()> {
