@@ -47,9 +47,14 @@ pub fn if_any(n: u64, words: impl FnOnce() -> String) -> String {
     if n > 0 { words() } else { String::new() }
 }
 
+/// Returns a duration as a number of milliseconds.
+pub fn milliseconds(d: Duration) -> f64 {
+    d.as_secs_f64() * 1e3
+}
+
 /// Formats a duration in milliseconds: two decimals below 10 ms, else none.
 pub fn millis(d: Duration) -> String {
-    let ms = d.as_secs_f64() * 1e3;
+    let ms = milliseconds(d);
     let decimals = if ms < 10.0 { 2 } else { 0 };
     format!("{ms:.decimals$} ms")
 }

@@ -298,7 +298,7 @@ fn print_json(frame: &Picked, c: &Certified, args: &Args) {
         "exact_share": c.stats.exact_share(),
         "kernel": args.kernel.method,
         "ladder": c.ladder,
-        "ms": c.took.as_secs_f64() * 1e3,
+        "ms": output::milliseconds(c.took),
     }));
 }
 

@@ -96,7 +96,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             "frames": frames,
             "links": links,
             "certificate": args.certificate.as_ref().map(|path| path.to_string_lossy()),
-            "ms": start.elapsed().as_secs_f64() * 1e3,
+            "ms": output::milliseconds(start.elapsed()),
         }));
     }
     Ok(Outcome::Fine)

@@ -1,7 +1,7 @@
 //! Output of the command: results on stdout, everything else on stderr.
 
 use super::stream::{self, Lost, Target};
-pub use crate::words::{count, if_any, millis, percent, plural, plural_of};
+pub use crate::words::{count, if_any, millis, milliseconds, percent, plural, plural_of};
 use linkwatch::{Events, Progress, Stats};
 use std::io::{self, Write};
 use std::sync::Arc;

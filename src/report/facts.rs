@@ -12,6 +12,7 @@ use crate::record::{
     CUT_OFF, Ending, MissingFrames, RecordedItem, RecordedVerdict, RecordingReader, Retention,
 };
 use crate::verdict::{DefectKind, LeftOut, Report, Spot, Stats, Verdict};
+use crate::words::milliseconds;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 use std::sync::Arc;
@@ -341,8 +342,8 @@ impl Collector {
             Some([_, last]) => (*last, facts.received_ns[1]) = (moment, received),
             None => (facts.span, facts.received_ns) = (Some([moment; 2]), [received; 2]),
         }
-        let milliseconds = progress.times.check().as_secs_f64() * 1e3;
-        facts.series.add(&report, milliseconds, [skipped, missing]);
+        let check = milliseconds(progress.times.check());
+        facts.series.add(&report, check, [skipped, missing]);
         for why in report.rejected.iter().chain(&report.missing) {
             facts.remarks.push(|| Remark {
                 moment,

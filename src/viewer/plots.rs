@@ -8,10 +8,10 @@ use crate::incremental::Route;
 use crate::measure::REACH;
 use crate::sinks::FrameRecord;
 use crate::verdict::{ChangeKind, Verdict};
+use crate::words::milliseconds;
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{Scalars, SeriesLines, SeriesPoints};
 use re_sdk_types::components::{InterpolationMode, MarkerShape};
-use std::time::Duration;
 
 /// Path, colour and name of a series.
 type Series = (&'static str, u32, &'static str);
@@ -118,7 +118,7 @@ pub(super) fn add(rec: &RecordingStream, record: &FrameRecord) -> Result<()> {
     let changes = |kind| Some(report.count(kind) as f64);
     // A rejected frame was not verified.
     let verified = report.verdict != Verdict::Rejected;
-    let stage = |time| verified.then(|| ms(time));
+    let stage = |time| verified.then(|| milliseconds(time));
     let live = times.live.as_ref();
     // A frame that was not compared with a reference frame has no blocks to mark.
     let marked = verified && work.blocks > 0;
@@ -126,21 +126,21 @@ pub(super) fn add(rec: &RecordingStream, record: &FrameRecord) -> Result<()> {
         changes(ChangeKind::Lost),
         changes(ChangeKind::Gained),
         changes(ChangeKind::Changed),
-        Some(ms(times.check())),
-        Some(ms(times.ingest)),
-        Some(ms(times.verification)),
+        Some(milliseconds(times.check())),
+        Some(milliseconds(times.ingest)),
+        Some(milliseconds(times.verification)),
         stage(times.stages.boxes),
         stage(times.stages.pairs),
         stage(times.stages.links),
         stage(times.stages.events),
-        live.map(|live| ms(live.wait)),
-        live.map(|live| ms(live.send)),
+        live.map(|live| milliseconds(live.wait)),
+        live.map(|live| milliseconds(live.send)),
         marked.then(|| 100.0 * work.marked as f64 / work.blocks as f64),
         verified.then_some(work.recomputed as f64),
         Some(progress.skipped as f64),
     ];
     plot(rec, LINES, values)?;
-    let check = |route| (verified && work.route == route).then(|| ms(times.check()));
+    let check = |route| (verified && work.route == route).then(|| milliseconds(times.check()));
     plot(rec, ROUTES, Route::ALL.map(check))?;
     let events = Some(report.events.len()).filter(|&n| n > 0);
     plot(rec, [EVENTS], [events.map(|n| n as f64)])
@@ -152,11 +152,7 @@ pub(super) fn add_clearance(rec: &RecordingStream, record: &FrameRecord, low: f6
     let values = [
         found.map(|found| found.closest.map_or(REACH, |c| c.ratio)),
         found.map(|_| low),
-        found.map(|_| ms(record.progress.times.stages.clearance)),
+        found.map(|_| milliseconds(record.progress.times.stages.clearance)),
     ];
     plot(rec, CLEARANCE, values)
-}
-
-fn ms(time: Duration) -> f64 {
-    time.as_secs_f64() * 1e3
 }

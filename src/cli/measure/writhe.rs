@@ -4,7 +4,7 @@
 use crate::cli::Outcome;
 use crate::cli::frames::{FrameArgs, Picked};
 use crate::cli::number::positive;
-use crate::cli::output::millis;
+use crate::cli::output::{millis, milliseconds};
 use linkwatch::kernels::Estimate;
 use linkwatch::{
     Axis, CurveSet, GaussIntegrals, Image, Pairing, PairingReason, Result, Ribbon, RibbonOptions,
@@ -105,7 +105,7 @@ fn curves(frame: &Picked, args: &Args, as_json: bool) -> Result<Outcome> {
                 "closed": set.curve(i).closed,
                 "segments": set.curve(i).segments,
                 "writhe": writhe,
-                "ms": took.as_secs_f64() * 1e3,
+                "ms": milliseconds(took),
             }));
         } else {
             out!("{name}: writhe {writhe} ({})", millis(took));
@@ -153,7 +153,7 @@ fn ribbons(frame: &Picked, args: &Args, as_json: bool) -> Result<Outcome> {
                 "writhe": ribbon.writhe,
                 "residual": residual,
                 "passages": passages,
-                "ms": ribbon.times.map(|t| t.as_secs_f64() * 1e3),
+                "ms": ribbon.times.map(milliseconds),
             }));
         } else {
             let linking = ribbon.linking.map_or("undefined".into(), |n| n.to_string());

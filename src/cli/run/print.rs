@@ -3,7 +3,7 @@
 use super::news::New;
 use super::times::to_json;
 use super::{Judged, Run, THE_FRAMES};
-use crate::cli::output::{self, count, listed, millis, plural};
+use crate::cli::output::{self, count, listed, millis, milliseconds, plural};
 use crate::curve::Notation;
 use linkwatch::{LeftOut, Report};
 
@@ -42,7 +42,7 @@ impl Run {
             let measured = judged.curves.is_some() && self.options.clearance.is_some();
             let mut line = serde_json::json!({
                 "report": **report,
-                "ms": times.check().as_secs_f64() * 1e3,
+                "ms": milliseconds(times.check()),
                 "times_ms": to_json(times, measured.then_some(times.stages.clearance)),
                 "work": judged.work,
                 "offload": judged.offload,

@@ -6,7 +6,7 @@ use super::news::Violation;
 use super::times::RunTimes;
 use super::violations::Violations;
 use crate::cli::Outcome;
-use crate::cli::output::{count, percent, plural, plural_of};
+use crate::cli::output::{count, milliseconds, percent, plural, plural_of};
 use linkwatch::{Continuation, Counters, LeftOut, Report, SinkSummary};
 use serde_json::json;
 
@@ -145,8 +145,8 @@ impl Run {
                     "skipped": tally.skipped,
                     "skipped_share": tally.skipped_share(),
                     "rejected": tally.rejected,
-                    "median_ms": sum.times.checks.median().as_secs_f64() * 1e3,
-                    "max_ms": sum.times.checks.longest.as_secs_f64() * 1e3,
+                    "median_ms": milliseconds(sum.times.checks.median()),
+                    "max_ms": milliseconds(sum.times.checks.longest),
                     "times_ms": sum.times.to_json(),
                     "first_violation": first,
                     "routes": { "full": full, "quiet": quiet, "partial": partial },

@@ -1,6 +1,6 @@
 //! Times of the frames of a run, stage by stage.
 
-use crate::cli::output::{millis, percent};
+use crate::cli::output::{millis, milliseconds, percent};
 use linkwatch::FrameTimes;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -10,12 +10,8 @@ use std::time::Duration;
 pub fn to_json(times: &FrameTimes, clearance: Option<Duration>) -> Value {
     let stages = times.by_stage().into_iter().zip(STAGES);
     let all = stages.chain([(clearance, "clearance")]);
-    all.filter_map(|(time, name)| Some((name, ms(time?))))
+    all.filter_map(|(time, name)| Some((name, milliseconds(time?))))
         .collect()
-}
-
-fn ms(d: Duration) -> f64 {
-    d.as_secs_f64() * 1e3
 }
 
 /// Stages of a frame.
@@ -63,8 +59,8 @@ impl RunTimes {
         let stages = STAGES.into_iter().zip(&self.stages);
         let stages = stages.filter(|(_, d)| !d.buckets.is_empty());
         let stages = stages.map(|(name, d)| {
-            let [median, p99] = [0.5, 0.99].map(|q| ms(d.quantile(q)));
-            let times = json!({ "median": median, "p99": p99, "max": ms(d.longest) });
+            let [median, p99] = [0.5, 0.99].map(|q| milliseconds(d.quantile(q)));
+            let times = json!({ "median": median, "p99": p99, "max": milliseconds(d.longest) });
             (name.to_owned(), times)
         });
         json!({
