@@ -286,17 +286,12 @@ pub(crate) fn undefined_entry(i: u32, j: Option<u32>, image: Image) -> Defect {
         Some(_) => DefectKind::TooClose,
         None => DefectKind::Degenerate,
     };
-    let place = Place {
-        segments: [0, 0],
-        point: [0.0; 3],
-        distance: 0.0,
-    };
     Defect {
         i,
         j,
         image,
         kind,
-        place,
+        place: Place::default(),
     }
 }
 

@@ -61,7 +61,7 @@ impl Verdict {
 }
 
 /// Place at which two curves are closest (the point of closest approach, POCA).
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Place {
     /// Segment of the first curve and segment of the second, from 0.
     pub segments: [u32; 2],
