@@ -3,7 +3,7 @@
 use super::names::entity;
 use super::stream::Drawing;
 use super::style::{DIMMED, FAINT_RED, lines, narrow};
-use crate::curve::vector::{add, per_axis};
+use crate::curve::vector::add;
 use crate::curve::{Cell, Image, Point, is_home};
 use crate::error::Result;
 use crate::verdict::Report;
@@ -39,13 +39,10 @@ impl CellView {
         self.images = !images.is_empty();
         let strips = images.iter().take(MOST).map(|&(curve, image)| {
             let by = narrow(cell.translation(image));
-            let strip = drawing
-                .set
-                .display_polyline(curve as usize, POINTS)
-                .into_iter();
-            strip.map(move |p| per_axis(|x| p[x] + by[x]))
+            let mut strip = drawing.set.display_polyline(curve as usize, POINTS);
+            strip.iter_mut().for_each(|p| *p = add(*p, by));
+            strip
         });
-        let strips: Vec<Vec<[f32; 3]>> = strips.map(Iterator::collect).collect();
         let images = lines(strips, 1.0).with_colors([FAINT_RED]);
         drawing.log(entity::IMAGES, &images)
     }
