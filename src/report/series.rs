@@ -38,14 +38,13 @@ impl Bin {
     fn of(report: &Report, milliseconds: f64, [skipped, missing]: [u64; 2]) -> Bin {
         let mut verdicts = [0; 6];
         verdicts[report.verdict as usize] = 1;
-        let kinds = [ChangeKind::Lost, ChangeKind::Gained, ChangeKind::Changed];
         Bin {
             first: Moment::of(report),
             last_frame: report.seq,
             frames: 1,
             verdicts,
             links: (report.verdict != Verdict::Rejected)
-                .then(|| kinds.map(|kind| report.count(kind) as u64)),
+                .then(|| ChangeKind::ALL.map(|kind| report.count(kind) as u64)),
             pull_throughs: report.events.len() as u64,
             unresolved: report.unresolved.len() as u64,
             skipped,
