@@ -124,12 +124,11 @@ fn print(frame: &Picked, measured: &Measured, args: &Args) {
     let ropelength = found.ropelength(args.stiffness);
     out!("{name}: thickness {thickness}, ropelength {ropelength}, length {length}");
     if !frame.several {
-        let none = || "no curve bends".to_owned();
-        let bend = found.min_rad.map_or_else(none, |m| m.sentence(*extent));
-        out!("  {bend}");
-        let none = || "no strut: the distance between the curves has no local minimum".to_owned();
-        let strut = found.poca.map_or_else(none, |s| s.sentence(*extent));
-        out!("  {strut}");
+        let bend = found.min_rad.map(|m| m.sentence(*extent));
+        out!("  {}", bend.as_deref().unwrap_or("no curve bends"));
+        let strut = found.poca.map(|s| s.sentence(*extent));
+        let none = "no strut: the distance between the curves has no local minimum";
+        out!("  {}", strut.as_deref().unwrap_or(none));
     }
     if let Some(struts) = &measured.struts {
         out!("  {}", plural(struts.len(), "strut"));

@@ -97,7 +97,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     };
     tracing::info!("replaying {name}");
     signals::cancel_on_signals(replay.run.session.progress())?;
-    let mut read = None;
+    let mut read = Ok(());
     let all = || -> Result<()> {
         for item in before {
             replay.take(item)?;
@@ -108,7 +108,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 Ok(None) => break,
                 // The frames before the error still get their verdicts.
                 Err(e) => {
-                    read = Some(e);
+                    read = Err(e);
                     break;
                 }
             }
@@ -122,7 +122,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
         all => all?,
     }
-    read.map_or(Ok(()), Err)?;
+    read?;
     let (mut run, comparison) = (replay.run, replay.comparison);
     if warn_of_cut(&source) {
         run.data_lost();
