@@ -12,9 +12,8 @@ mod lasting;
 mod left_out;
 mod message;
 mod policy;
-mod pull_through;
 
-pub use change::{Change, ChangeKind, ImageLink, InvariantChange, Link, LoopPair};
+pub use change::{Change, ChangeKind, ImageLink, InvariantChange, Link, LoopPair, PullThrough};
 pub use clearance::{Clearance, CloseStrands};
 pub(crate) use finding::{Finding, Spot};
 pub use lasting::Lasting;
@@ -25,7 +24,6 @@ pub(crate) use message::{
     words_of_roll_back,
 };
 pub use policy::AbortOn;
-pub use pull_through::PullThrough;
 
 use crate::curve::{Image, Point};
 #[cfg(feature = "verify")]
