@@ -40,9 +40,7 @@
 //!
 //! More lines have invariants of curves and of triples: see [`higher`].
 
-use super::Certificate;
-use super::higher;
-use super::is_near;
+use super::{Certificate, higher, is_near};
 use crate::curve::{Image, is_home};
 use crate::error::{Error, Result};
 use crate::periodic::{ImagePair, YarnPeriod, canonical};

@@ -1,13 +1,12 @@
 //! `linkwatch convert`: rewrites the frames of model files and recordings in another format.
 
-use super::Outcome;
 use super::cell_args::{CellArgs, Cells};
 use super::files::{Content, Files, Overwrite, with_suffix, write_whole};
 use super::input::{self, FormatArgs};
 use super::output::{self, count, plural};
-use super::recorded;
 use super::run::MOTION_LIMIT;
 use super::sequence::{Frame, Sequence};
+use super::{Outcome, recorded};
 use linkwatch::formats::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
     Basis, Certifier, CurveSet, FrameInfo, LeftOut, Result, SessionOptions, chords,

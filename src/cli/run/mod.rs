@@ -20,8 +20,7 @@ mod viewer;
 mod violations;
 
 pub use junit::JunitArgs;
-pub use settings::{Baseline, Judge};
-pub use settings::{MOTION_LIMIT, recorded};
+pub use settings::{Baseline, Judge, MOTION_LIMIT, recorded};
 pub use sinks::Sinks;
 pub use state::RunState;
 
