@@ -144,9 +144,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         if ahead.is_empty() {
             ahead.extend(frames.next());
         }
-        if let Some(Ok(Frame {
-            begins_run: true, ..
-        })) = ahead.front()
+        if ahead
+            .front()
+            .is_some_and(|next| matches!(next, Ok(frame) if frame.begins_run))
         {
             let far = args.is_far_apart(&mut frames, &mut ahead);
             let events = args.event_args.events(AbortOn::Never);
@@ -157,8 +157,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             break;
         };
         let judged = frame.and_then(|frame| {
-            let Frame { name, path, .. } = &frame;
-            let (name, path) = (name.clone(), path.clone());
+            let (name, path) = (frame.name.clone(), frame.path.clone());
             if frame.after_gap && !frame.begins_run {
                 run.begin_after_gap();
             }
