@@ -107,10 +107,8 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
     }
     let is_sorted = !keep_order && order::sort(&mut files);
     if is_sorted || !keep_order && order::is_unclear(&files) {
-        let shown: Vec<String> = files
-            .iter()
-            .map(|file| file.display().to_string())
-            .collect();
+        let shown = files.iter().map(|file| file.display().to_string());
+        let shown: Vec<String> = shown.collect();
         let shown = match &shown[..] {
             [first, second, third, .., last] => format!("{first}, {second}, {third} .. {last}"),
             all => all.join(", "),

@@ -198,9 +198,8 @@ pub fn is_unclear(files: &[PathBuf]) -> bool {
     let all = names.iter().flat_map(|name| fractions(name));
     let all: Vec<_> = all.filter(|digits| !digits.is_empty()).collect();
     // No count begins with 0.
-    let decided = all
-        .iter()
-        .any(|digits| digits.len() > 1 && digits.starts_with('0'));
+    let is_decimal = |digits: &String| digits.len() > 1 && digits.starts_with('0');
+    let decided = all.iter().any(is_decimal);
     reading != Reading::Counts
         && !all.is_empty()
         && !decided

@@ -8,7 +8,7 @@ use super::stream::Drawing;
 use super::style::{CYAN, PALE_ORANGE, PALE_RED, lines, narrow, points};
 use super::view::View;
 use crate::curve::vector::{add_scaled, dot, sub};
-use crate::curve::{AXES, is_home};
+use crate::curve::{AXES, Cell, is_home};
 use crate::error::Result;
 use crate::verdict::Finding;
 
@@ -37,9 +37,8 @@ pub(super) fn draw_places(drawing: &Drawing<'_>) -> Result<()> {
     let names = &info.labels.names;
     let spot = |finding: Finding| {
         let place = finding.spot()?;
-        let by = info
-            .cell
-            .map_or([0.0; 3], |cell| cell.translation(place.image));
+        let translation = |cell: Cell| cell.translation(place.image);
+        let by = info.cell.map_or([0.0; 3], translation);
         let mut spot = local::spot(set, place, by);
         let mut text = finding.label(names);
         let color = match finding {

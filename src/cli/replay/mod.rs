@@ -227,11 +227,9 @@ impl Replay<'_> {
             }
             RecordedItem::Frame(frame) => {
                 let info = frame.info.clone();
-                let frame = self
-                    .run
-                    .session
-                    .receive(info, |receive| frame.read(receive));
-                self.run.session.announce(&frame);
+                let session = &mut self.run.session;
+                let frame = session.receive(info, |receive| frame.read(receive));
+                session.announce(&frame);
                 self.finish_waiting()?;
                 let frame = Box::new(frame);
                 self.waiting.push_back(Waiting::Frame(frame));
