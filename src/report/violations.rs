@@ -95,7 +95,6 @@ impl Violations {
                 continue;
             };
             let sentence = || match finding {
-                Finding::Change(c) => c.sentence_named(extent, names),
                 Finding::Unresolved(e) => e.sentence_named(extent, names),
                 other => report.sentence_of(other, names),
             };
