@@ -13,17 +13,10 @@ use std::path::{Path, PathBuf};
 pub struct Part {
     /// Its number among the files, from 1.
     pub number: u32,
-    /// Path without this number.
-    run: PathBuf,
+    /// Path without this number, by which the files of one run are known.
+    pub run: PathBuf,
     /// True if frames are left out on purpose.
     pub leaves_out: bool,
-}
-
-impl Part {
-    /// Returns true if both are files of one run, by their names.
-    pub fn is_of_run(&self, other: &Part) -> bool {
-        self.run == other.run
-    }
 }
 
 /// Returns which file of a recorded run this is. `None` if it cannot be read as a recording.

@@ -99,7 +99,7 @@ impl Sequence {
         let (mut is_next, mut lacks_files, mut after_gap) = (false, false, false);
         if let (Some(part), Some(last)) = (&part, &last)
             && part.number > 1
-            && (self.one_motion || part.is_of_run(last))
+            && (self.one_motion || part.run == last.run)
         {
             is_next = part.number == last.number + 1;
             lacks_files = !is_next;
