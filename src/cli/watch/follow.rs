@@ -60,7 +60,7 @@ impl Follower<'_> {
         // The session that is to continue, or a new one.
         let is_new = self.state.interrupted().is_none();
         let number = self.sessions + u64::from(is_new);
-        if self.state.is_restart() {
+        if self.state.note.restarts > 0 {
             announce_files(number, sinks);
         }
         self.session(number, sinks, inputs)

@@ -141,11 +141,6 @@ impl State {
         Ok(state)
     }
 
-    /// Returns true if there was an earlier process.
-    pub fn is_restart(&self) -> bool {
-        self.earlier.is_some()
-    }
-
     /// Returns the simulator that an earlier process watched when it ended.
     pub fn interrupted(&self) -> Option<SidecarState> {
         self.earlier.as_ref()?.simulator
