@@ -278,7 +278,12 @@ impl Run {
         // Frames before a change of the curves may lack a clearance that later ones have.
         self.sum.unmeasured = self.sum.unmeasured.take().or(verified.unmeasured);
         if verified.curves.is_some() {
-            self.take_note(&verified.info, verified.continuation);
+            if verified.continuation == Continuation::Accepted {
+                self.origin = None;
+                self.baseline_changed = true;
+                self.news.known.forget();
+            }
+            self.news.known.begin_frame(verified.info.layout);
         }
         let times = FrameTimes {
             ingest: verified.ingest,
@@ -301,16 +306,6 @@ impl Run {
             step: verified.continuation,
             ..Judged::of(verified.report, times, verified.work)
         })
-    }
-
-    /// Takes note of a frame that was verified.
-    fn take_note(&mut self, info: &FrameInfo, continuation: Continuation) {
-        if continuation == Continuation::Accepted {
-            self.origin = None;
-            self.baseline_changed = true;
-            self.news.known.forget();
-        }
-        self.news.known.begin_frame(info.layout);
     }
 
     /// Passes a frame to the sinks, and prints its new findings.
