@@ -205,24 +205,19 @@ fn whole(set: &CurveSet, marked: &[Marked]) -> Markup {
     let places = marked.iter().filter_map(|m| m.place);
     let places = places.map(|place| view.pixels(&[window.local(place.point)])[0]);
     let places = places.filter(|p| p.iter().all(|x| x.is_finite()));
-    let label = "the whole model";
-    frame(
-        label,
-        reach,
-        view,
-        &html! {
-            @for (k, data) in paths.iter().enumerate().filter(|(_, data)| !data.is_empty()) {
-                // From light at the back to dark in front.
-                @let grey = (215.0 - 150.0 * k as f64 / DEPTHS as f64) as u8;
-                @let colour = match k {
-                    DEPTHS => "#d21f1f".to_owned(),
-                    _ => format!("rgb({grey},{grey},{})", grey + 12),
-                };
-                path stroke=(colour) stroke-width=".6" stroke-linejoin="round" d=(data) {}
-            }
-            @for [x, y, _] in places { circle.m cx=(px(x)) cy=(px(y)) r="6" {} }
-        },
-    )
+    let content = html! {
+        @for (k, data) in paths.iter().enumerate().filter(|(_, data)| !data.is_empty()) {
+            // From light at the back to dark in front.
+            @let grey = (215.0 - 150.0 * k as f64 / DEPTHS as f64) as u8;
+            @let colour = match k {
+                DEPTHS => "#d21f1f".to_owned(),
+                _ => format!("rgb({grey},{grey},{})", grey + 12),
+            };
+            path stroke=(colour) stroke-width=".6" stroke-linejoin="round" d=(data) {}
+        }
+        @for [x, y, _] in places { circle.m cx=(px(x)) cy=(px(y)) r="6" {} }
+    };
+    frame("the whole model", reach, view, &content)
 }
 
 #[cfg(test)]

@@ -111,31 +111,27 @@ impl Scene {
         let visible = visible(&lines);
         let wide = |strand: &Strand| view.length(2.0 * radii.of(strand.curve) / self.window.reach);
         let place = view.pixels(&[[0.0; 3]])[0];
-        frame(
-            label,
-            self.window.reach,
-            view,
-            &html! {
-                @for (group, class) in OTHERS {
-                    @let lines: Vec<Line> =
-                        others.iter().filter(|s| s.part == group).map(|s| flat(s)).collect();
-                    @let data = path(lines.iter().map(|line| &line.points));
-                    @if !data.is_empty() { path class=(class) d=(data) {} }
+        let content = html! {
+            @for (group, class) in OTHERS {
+                @let lines: Vec<Line> =
+                    others.iter().filter(|s| s.part == group).map(|s| flat(s)).collect();
+                @let data = path(lines.iter().map(|line| &line.points));
+                @if !data.is_empty() { path class=(class) d=(data) {} }
+            }
+            // Bands that are wider than the lines, and do not fill the picture.
+            @for (strand, line) in own.iter().zip(&lines) {
+                @if (OWN..HALF).contains(&wide(strand)) {
+                    @let style = format!("stroke-width:{}", px(wide(strand)));
+                    path class={(class(strand)) " w"} style=(style) d=(path([&line.points])) {}
                 }
-                // Bands that are wider than the lines, and do not fill the picture.
-                @for (strand, line) in own.iter().zip(&lines) {
-                    @if (OWN..HALF).contains(&wide(strand)) {
-                        @let style = format!("stroke-width:{}", px(wide(strand)));
-                        path class={(class(strand)) " w"} style=(style) d=(path([&line.points])) {}
-                    }
-                }
-                @for (strand, pieces) in own.iter().zip(&visible) {
-                    path class=(class(strand)) d=(path(pieces)) {}
-                }
-                circle.m cx=(px(place[0])) cy=(px(place[1])) r=(MARK) {}
-                (self.names(view, place))
-            },
-        )
+            }
+            @for (strand, pieces) in own.iter().zip(&visible) {
+                path class=(class(strand)) d=(path(pieces)) {}
+            }
+            circle.m cx=(px(place[0])) cy=(px(place[1])) r=(MARK) {}
+            (self.names(view, place))
+        };
+        frame(label, self.window.reach, view, &content)
     }
 
     /// Names the segments beside their middle, away from the place and from one another.
