@@ -160,23 +160,19 @@ impl Certificate {
         };
         let now = reduced_all(&now, &self.periods);
         let without = |i: u32| self.has_no_number(i, None) || baseline.has_no_number(i, None);
-        let mut found = Differences::between(before, now);
-        found.changes.retain(|c| !without(c.i) && !without(c.j));
-        found
-            .fresh
-            .retain(|(pair, _)| !without(pair.i) && !without(pair.j));
-        let own = found
-            .fresh
-            .iter()
-            .filter(|e| is_home(&e.0.image) && e.1 != 0);
+        let found = Differences::between(before, now);
+        let (mut changes, mut fresh) = (found.changes, found.fresh);
+        changes.retain(|c| !without(c.i) && !without(c.j));
+        fresh.retain(|(pair, _)| !without(pair.i) && !without(pair.j));
+        let own = fresh.iter().filter(|e| is_home(&e.0.image) && e.1 != 0);
         let adopted = own.map(|&(ImagePair { i, j, .. }, lambda)| Link { i, j, lambda });
         let adopted = adopted.collect();
         let mut defects = self.undefined.clone();
-        defects.extend(found.fresh.iter().map(|(pair, _)| no_baseline(*pair)));
+        defects.extend(fresh.iter().map(|(pair, _)| no_baseline(*pair)));
         defects.extend(self.fresh(&baseline).filter(|d| d.j.is_none()));
         Defect::sort(&mut defects);
         Ok(Comparison {
-            changes: found.changes,
+            changes,
             defects,
             adopted,
         })
