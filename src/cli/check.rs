@@ -144,10 +144,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         if ahead.is_empty() {
             ahead.extend(frames.next());
         }
-        if ahead
-            .front()
-            .is_some_and(|next| matches!(next, Ok(frame) if frame.begins_run))
-        {
+        let begins_run = |next: &Result<Frame>| matches!(next, Ok(frame) if frame.begins_run);
+        if ahead.front().is_some_and(begins_run) {
             let far = args.is_far_apart(&mut frames, &mut ahead);
             let events = args.event_args.events(AbortOn::Never);
             let off = args.early_exit || far;

@@ -49,12 +49,8 @@ fn parts(name: &str, reading: Reading) -> Vec<Part> {
         rest = after;
         let [whole, fraction] = scaled(whole, fraction, by);
         let whole = whole.trim_start_matches('0').to_owned();
-        parts.push(Part::Number(
-            whole.len(),
-            whole,
-            fraction,
-            exponent.is_some(),
-        ));
+        let has_exponent = exponent.is_some();
+        parts.push(Part::Number(whole.len(), whole, fraction, has_exponent));
     }
     parts
 }

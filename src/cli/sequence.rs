@@ -168,13 +168,11 @@ impl Sequence {
     fn note(&mut self, curves: &CurveSet, info: &FrameInfo) {
         let now = (info.cuts, info.layout);
         let last_seen = self.current.as_mut().and_then(|f| f.last_seen.replace(now));
+        let is_earlier = |cuts: u32| cuts < info.cuts;
         let (cut, described) = match last_seen {
             Some((cuts, layout)) => (cuts != info.cuts, layout != info.layout),
             // A file either counts on from the one before it, or from 0.
-            None => (
-                self.cuts_in_file.is_some_and(|cuts| cuts < info.cuts),
-                false,
-            ),
+            None => (self.cuts_in_file.is_some_and(is_earlier), false),
         };
         self.info.cuts = match self.cuts_in_file.replace(info.cuts) {
             None => info.cuts,

@@ -23,9 +23,8 @@ pub fn stop_on_signals() -> Result<Arc<AtomicBool>> {
 #[cfg(target_os = "linux")]
 fn hangup() -> Option<i32> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let ignored = status
-        .lines()
-        .find_map(|line| line.strip_prefix("SigIgn:"))?;
+    let mut lines = status.lines();
+    let ignored = lines.find_map(|line| line.strip_prefix("SigIgn:"))?;
     let ignored = u64::from_str_radix(ignored.trim(), 16).ok()?;
     let hangup = signal_hook::consts::SIGHUP;
     (ignored >> (hangup - 1) & 1 == 0).then_some(hangup)

@@ -439,15 +439,12 @@ impl Publisher<'_> {
             let counts = &self.counts;
             let rejected = "not published, without recorded curves";
             let skipped = "not recorded, which the watcher counts as skipped";
+            let unsearched = "not searched for pull-throughs by the watcher";
             for (n, noun, what) in [
                 (counts.left_out, "invalid frame", "not published"),
                 (counts.rejected, "frame", rejected),
                 (counts.numbers_between, "frame", skipped),
-                (
-                    counts.gaps,
-                    "gap",
-                    "not searched for pull-throughs by the watcher",
-                ),
+                (counts.gaps, "gap", unsearched),
             ] {
                 if n > 0 {
                     out!("{what}: {}", plural(n, noun));
