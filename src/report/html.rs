@@ -104,10 +104,10 @@ impl RunReport {
         html! {
             (facts.timeline())
             (legend(marks))
-            @if facts.series.width > 1 {
+            @if facts.series.width() > 1 {
                 p.dim {
-                    "Each column has " (count(facts.series.width)) " frames: its colours have the \
-                     share of each verdict, the worst on top and never invisible."
+                    "Each column has " (count(facts.series.width())) " frames: its colours have \
+                     the share of each verdict, the worst on top and never invisible."
                 }
             }
         }

@@ -30,7 +30,7 @@ pub(super) struct Plot {
 impl Facts {
     /// Returns the plots of the figures that are not 0 in all frames, and names of the others.
     pub fn plots(&self) -> (Vec<Plot>, Vec<&'static str>) {
-        let (bins, frames) = (&self.series.bins, self.series.width);
+        let (bins, frames) = (&self.series.bins, self.series.width());
         let each = |name, class, of: &dyn Fn(&Bin) -> Option<f64>| {
             let values = bins.iter().map(of).collect();
             Figures {

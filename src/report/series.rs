@@ -76,36 +76,30 @@ impl Bin {
 }
 
 /// All frames, in bins.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Series {
     pub bins: Vec<Bin>,
-    /// Number of frames of each bin but the last, which may have fewer.
-    pub width: u64,
-}
-
-impl Default for Series {
-    fn default() -> Series {
-        Series {
-            bins: Vec::new(),
-            width: 1,
-        }
-    }
 }
 
 impl Series {
+    /// Returns the number of frames of each bin but the last, which may have fewer.
+    pub fn width(&self) -> u64 {
+        self.bins.first().map_or(1, |bin| bin.frames)
+    }
+
     /// Adds a frame, with the time from its receipt to its report, and the numbers of frames
     /// before it that were not verified, and that are not in the recording.
     pub fn add(&mut self, report: &Report, milliseconds: f64, lost: [u64; 2]) {
         let bin = Bin::of(report, milliseconds, lost);
-        let full = self.bins.last().is_none_or(|b| b.frames == self.width);
+        let full = self.bins.last().is_none_or(|b| b.frames == self.width());
         if full && self.bins.len() == MOST {
             let (pairs, _) = self.bins.as_chunks_mut();
             pairs.iter_mut().for_each(|[a, b]| a.add(b));
             self.bins = self.bins.drain(..).step_by(2).collect();
-            self.width *= 2;
         }
+        let width = self.width();
         match self.bins.last_mut() {
-            Some(last) if last.frames < self.width => last.add(&bin),
+            Some(last) if last.frames < width => last.add(&bin),
             _ => self.bins.push(bin),
         }
     }
@@ -156,7 +150,7 @@ mod tests {
     #[test]
     fn few_frames_have_a_bin_each() {
         let series = series(MOST as u64, 7);
-        assert_eq!((series.bins.len(), series.width), (MOST, 1));
+        assert_eq!((series.bins.len(), series.width()), (MOST, 1));
         assert_eq!(series.bins[7].verdicts[Verdict::Changed as usize], 1);
         assert_eq!(series.bin_of(7), Some(7));
         assert_eq!(series.bin_of(MOST as u64), None);

@@ -79,7 +79,7 @@ impl RunReport {
             "lowest_clearance": facts.closest,
             "cut": cut,
             "damaged": damaged,
-            "series": { "frames_per_bin": series.width, "bins": series.bins },
+            "series": { "frames_per_bin": series.width(), "bins": series.bins },
         })
     }
 }
