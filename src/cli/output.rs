@@ -161,19 +161,24 @@ pub fn warn_of_open_curves(name: &str, stats: &Stats, events: Option<Events>) {
         return;
     }
     let curves = plural(stats.open_curves, "open curve");
-    match events {
-        Some(Events::Off) => tracing::warn!(
+    match remedy(events) {
+        Some(remedy) => tracing::warn!(
             "{name}: {curves} skipped: linking numbers are defined for closed curves only; \
-             --events=between verifies pull-throughs of open curves"
+             {remedy} pull-throughs of open curves"
         ),
-        Some(_) => tracing::info!(
+        None => tracing::info!(
             "{name}: {curves}, verified for pull-throughs; linking numbers are defined for closed \
              curves only"
         ),
-        None => tracing::warn!(
-            "{name}: {curves} skipped: linking numbers are defined for closed curves only; `check` \
-             and `watch` verify pull-throughs of open curves"
-        ),
+    }
+}
+
+/// Returns what verifies pull-throughs, with a verb, or `None` if this command does.
+fn remedy(events: Option<Events>) -> Option<&'static str> {
+    match events {
+        Some(Events::Off) => Some("--events=between verifies"),
+        Some(_) => None,
+        None => Some("`check` and `watch` verify"),
     }
 }
 
@@ -189,14 +194,8 @@ pub fn tell_of_yarns(name: &str, yarns: usize, events: Option<Events>) {
             count(n)
         ),
     };
-    let words = format!("{name}: {words}");
-    match events {
-        Some(Events::Off) if yarns > 1 => {
-            tracing::warn!("{words}; --events=between verifies their pull-throughs");
-        }
-        None if yarns > 1 => {
-            tracing::warn!("{words}; `check` and `watch` verify their pull-throughs")
-        }
-        _ => tracing::info!("{words}"),
+    match remedy(events).filter(|_| yarns > 1) {
+        Some(remedy) => tracing::warn!("{name}: {words}; {remedy} their pull-throughs"),
+        None => tracing::info!("{name}: {words}"),
     }
 }
