@@ -1,7 +1,6 @@
 //! Sessions that begin with a frame, beside the state of the frames before it.
 
 use super::Session;
-use super::coordinates::Coordinates;
 use crate::certificate::Certificate;
 use crate::curve::Cell;
 use crate::engine::{Engine, EngineState};
@@ -29,17 +28,12 @@ pub(super) struct PartBaseline {
     pub names_images: bool,
 }
 
-/// State of a session that begins with a frame.
-pub(super) struct Begun {
-    pub engine: Engine,
-    pub coordinates: Coordinates,
-}
-
-impl Begun {
-    pub fn new(session: &Session, begin: Begin<'_>, info: &FrameInfo) -> Result<Begun> {
+impl Begin<'_> {
+    /// Returns the engine that verifies the frame in place of that of the session.
+    pub fn engine(self, session: &Session, info: &FrameInfo) -> Result<Engine> {
         let mut options = session.options.clone();
         options.cell = info.cell;
-        match begin {
+        match self {
             Begin::First => {}
             Begin::Accepted => options.baseline = None,
             Begin::Part(baseline) => {
@@ -50,14 +44,10 @@ impl Begun {
         }
         let mut engine = Engine::new(options)?;
         engine.share_progress(session.engine.progress());
-        if let Begin::Part(baseline) = begin {
+        if let Begin::Part(baseline) = self {
             engine.continue_after(&session.engine, baseline.names_images);
         }
-        let coordinates = session.coordinates.restarted();
-        Ok(Begun {
-            engine,
-            coordinates,
-        })
+        Ok(engine)
     }
 }
 
@@ -68,9 +58,7 @@ impl Begun {
 /// The errors of [`Cell::check`]; [`Error::Usage`] if only one of both frames has a cell, or
 /// they repeat along other vectors.
 pub(super) fn check_cell(cell: Option<Cell>, last: Option<Option<Cell>>) -> Result<Option<Cell>> {
-    if let Some(cell) = &cell {
-        cell.check()?;
-    }
+    cell.as_ref().map_or(Ok(()), Cell::check)?;
     let what = match (cell, last) {
         (cell, None) | (cell @ None, Some(None)) => return Ok(cell),
         (Some(cell), Some(Some(last))) if cell.periodic() == last.periodic() => {

@@ -15,7 +15,7 @@ mod strands;
 pub use frame::{Continuation, Given, Received, VerifiedFrame};
 pub use state::SessionState;
 
-use self::begin::{Begin, Begun, PartBaseline, check_cell};
+use self::begin::{Begin, PartBaseline, check_cell};
 use self::closings::Closings;
 use self::coordinates::Coordinates;
 use self::strands::Strands;
@@ -27,7 +27,7 @@ use crate::error::{Error, Result};
 use crate::incremental::Events;
 use crate::ingest::{ClosingNote, CurveSource, FrameInfo, FramePool, RawFrame};
 use crate::pool;
-use crate::verdict::{LeftOut, Report, Verdict};
+use crate::verdict::{LeftOut, Report};
 use std::collections::BTreeSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
@@ -182,7 +182,7 @@ impl Session {
     }
 
     /// Verifies a frame. A frame that breaks its contract has a report that says so
-    /// ([`Verdict::Rejected`]).
+    /// ([`Verdict::Rejected`](crate::Verdict::Rejected)).
     ///
     /// # Errors
     ///
@@ -206,43 +206,39 @@ impl Session {
             self.try_to_verify(&mut info, closed?, &mut continuation)
         });
         let notes = self.closings.end_frame(info.layout, outcome.is_ok());
+        let (mut report, curves) = match outcome {
+            Ok((report, curves)) => (report, Some(curves)),
+            Err(why) => {
+                // The next verified frame is cut or accepted in place of this one.
+                continuation = Continuation::Continues;
+                let why = self.reason_to_reject(why)?;
+                (self.engine.reject(seq, time, &why), None)
+            }
+        };
+        let left_out = notes.iter().filter_map(ClosingNote::left_out);
+        LeftOut::merge(&mut info.left_out, &Vec::from_iter(left_out));
+        report.left_out = info.left_out.clone();
         let mut verified = VerifiedFrame {
-            curves: None,
+            report,
+            info,
+            curves,
             continuation,
             notes,
-            ingest: frame.took,
-            report: Report::new(seq, time, Verdict::Rejected),
-            info,
-            jumps: self.coordinates.jumps(),
             joined: self.closings.joined(),
-            unmeasured: None,
+            jumps: self.coordinates.jumps(),
+            unmeasured: self.strands.unmeasured.clone(),
+            ingest: frame.took,
             verification: Duration::ZERO,
-            timings: Default::default(),
+            timings: Timings::default(),
             work: Default::default(),
             offload: Default::default(),
         };
-        match outcome {
-            Ok((report, curves)) => {
-                verified.report = report;
-                verified.curves = Some(curves);
-                verified.timings = Timings {
-                    clearance: self.strands.took,
-                    ..self.engine.timings()
-                };
-                verified.work = self.engine.work();
-                verified.offload = self.engine.offload();
-            }
-            Err(why) => {
-                // The next verified frame is cut or accepted in place of this one.
-                verified.continuation = Continuation::Continues;
-                let why = self.reason_to_reject(why)?;
-                verified.report = self.engine.reject(seq, time, &why);
-            }
+        if verified.curves.is_some() {
+            verified.timings = self.engine.timings();
+            verified.timings.clearance = self.strands.took;
+            verified.work = self.engine.work();
+            verified.offload = self.engine.offload();
         }
-        let notes = verified.notes.iter().filter_map(ClosingNote::left_out);
-        LeftOut::merge(&mut verified.info.left_out, &Vec::from_iter(notes));
-        verified.report.left_out = verified.info.left_out.clone();
-        verified.unmeasured = self.strands.unmeasured.clone();
         verified.verification = start.elapsed();
         Ok(verified)
     }
@@ -259,24 +255,21 @@ impl Session {
     /// Begins another part of the same run, of which frames before it were left out: the next frame
     /// is compared with this baseline, and may have other curves than the last one.
     pub fn begin_part(&mut self, baseline: Certificate) {
-        self.begin_part_with(PartBaseline {
-            certificate: baseline,
-            names_images: false,
-        });
+        self.begin_part_with(baseline, false);
     }
 
     /// Same as [`Session::begin_part`], with a recorded baseline: it names images as the frames do.
     #[cfg(feature = "cli")]
     pub(crate) fn begin_recorded_part(&mut self, baseline: Certificate) {
-        self.begin_part_with(PartBaseline {
-            certificate: baseline,
-            names_images: true,
-        });
+        self.begin_part_with(baseline, true);
     }
 
-    fn begin_part_with(&mut self, baseline: PartBaseline) {
+    fn begin_part_with(&mut self, certificate: Certificate, names_images: bool) {
         self.closings.forget();
-        self.next = Next::Part(baseline);
+        self.next = Next::Part(PartBaseline {
+            certificate,
+            names_images,
+        });
     }
 
     /// Begins another run, with the same options: the next frame is its first one.
@@ -467,10 +460,10 @@ impl Session {
         let mut change = change.flatten().filter(|change| !same(change));
         // A frame that begins a run or a part is verified beside the state of the frames before it,
         // which remains if the frame is rejected.
-        let begun = begin.map(|begin| Begun::new(self, begin, info));
-        let mut begun = begun.transpose()?;
+        let begun = begin.map(|begin| begin.engine(self, info)).transpose()?;
+        let mut begun = begun.map(|engine| (engine, self.coordinates.restarted()));
         let (engine, coordinates) = match &mut begun {
-            Some(begun) => (&mut begun.engine, &mut begun.coordinates),
+            Some((engine, coordinates)) => (engine, coordinates),
             None => (&mut self.engine, &mut self.coordinates),
         };
         let set = coordinates.place(&given, info, of_frame)?;
@@ -494,7 +487,7 @@ impl Session {
         })?;
         // From here on, nothing can reject the frame.
         if let Some(begun) = begun {
-            (self.engine, self.coordinates) = (begun.engine, begun.coordinates);
+            (self.engine, self.coordinates) = begun;
             self.strands = Strands::new(&self.options);
             if !matches!(self.next, Next::Part(_)) {
                 self.gone.clear();

@@ -1,7 +1,7 @@
 //! State of a session, from which another process continues.
 
 use super::Session;
-use super::begin::{Begin, Begun};
+use super::begin::Begin;
 use super::closings::Closings;
 use super::coordinates::CoordinateState;
 use super::strands::Strands;
@@ -120,9 +120,9 @@ impl Session {
             return Ok(session);
         };
         let (info, StoredCurves(curves)) = (verified.info, verified.curves);
-        let mut begun = Begun::new(&session, Begin::Resumed(&verified.engine), &info)?;
-        begun.engine.resume(verified.engine, &curves, info.cell)?;
-        session.engine = begun.engine;
+        let mut engine = Begin::Resumed(&verified.engine).engine(&session, &info)?;
+        engine.resume(verified.engine, &curves, info.cell)?;
+        session.engine = engine;
         session.closings =
             Closings::decided(session.options.keep_open, info.layout, verified.closings);
         session.coordinates.state = verified.coordinates;
