@@ -87,21 +87,11 @@ struct Marker<'a, T, M> {
     _mesh_use_embedded_materials: u8,
 }
 
-#[derive(Deserialize)]
-struct Texture<'a> {
-    _resource: &'a str,
-    #[serde(borrow)]
-    _header: Header<'a>,
-    _format: &'a str,
-    _image: &'a [u8],
-    _coordinates: Vec<[f32; 2]>,
-}
+/// Resource, header, format and content of the image, and coordinates.
+type Texture<'a> = (&'a str, Header<'a>, &'a str, &'a [u8], Vec<[f32; 2]>);
 
-#[derive(Deserialize)]
-struct MeshFile<'a> {
-    _filename: &'a str,
-    _file: &'a [u8],
-}
+/// Name and content.
+type MeshFile<'a> = (&'a str, &'a [u8]);
 
 /// Reads a `MarkerArray`, or a `Marker`.
 pub(super) fn read(message: &[u8], layout: Layout, is_array: bool) -> Result<Update, String> {

@@ -37,6 +37,7 @@ use prost::bytes::Bytes;
 use std::collections::{BTreeMap, HashMap};
 use std::io::{Read, Seek};
 use std::path::Path;
+use std::rc::Rc;
 
 const FORMAT: &str = "MCAP file";
 const NO_CURVES: &str = "no curves are left in this frame";
@@ -60,43 +61,25 @@ const UNREAD: [&str; 10] = [
     "visualization_msgs/MarkerArray",
 ];
 
-/// Messages of a channel that are read.
-#[derive(Clone, Copy, Debug)]
-enum Content {
-    SceneProtobuf,
-    SceneJson,
-    Markers(Layout),
-    Marker(Layout),
-}
+/// Decodes a message of a channel. The error is in words.
+type Decode = Rc<dyn Fn(&[u8]) -> Result<Update, String>>;
 
-impl Content {
-    /// Returns the content of a channel. `None` if it has no curves, an error in words if they are
-    /// encoded in a way that is not read.
-    fn of((name, text): &Schema, encoding: &str) -> Option<Result<Content, String>> {
-        let layout = || Layout::of(text);
-        let content = match (name.as_str(), encoding) {
-            (SCENE_UPDATE, "protobuf") => Content::SceneProtobuf,
-            (SCENE_UPDATE, "json") => Content::SceneJson,
-            (MARKER_ARRAY, "cdr") => Content::Markers(layout()),
-            (MARKER, "cdr") => Content::Marker(layout()),
-            (SCENE_UPDATE | MARKER_ARRAY | MARKER, other) => {
-                let what = "is not read: protobuf and json of Foxglove are, and cdr of ROS 2";
-                return Some(Err(format!("{name} encoded as {other:?} {what}")));
-            }
-            _ => return None,
-        };
-        Some(Ok(content))
-    }
-
-    /// Decodes a message. The error is in words.
-    fn decode(self, message: &[u8]) -> Result<Update, String> {
-        match self {
-            Content::SceneProtobuf => scene::protobuf(message),
-            Content::SceneJson => scene::json(message),
-            Content::Markers(layout) => markers::read(message, layout, true),
-            Content::Marker(layout) => markers::read(message, layout, false),
+/// Returns the function that decodes the messages of a channel. `None` if they have no curves, an
+/// error in words if curves are encoded in a way that is not read.
+fn decoder((name, text): &Schema, encoding: &str) -> Option<Result<Decode, String>> {
+    Some(Ok(match (name.as_str(), encoding) {
+        (SCENE_UPDATE, "protobuf") => Rc::new(scene::protobuf),
+        (SCENE_UPDATE, "json") => Rc::new(scene::json),
+        (MARKER_ARRAY | MARKER, "cdr") => {
+            let (layout, is_array) = (Layout::of(text), name == MARKER_ARRAY);
+            Rc::new(move |message| markers::read(message, layout, is_array))
         }
-    }
+        (SCENE_UPDATE | MARKER_ARRAY | MARKER, other) => {
+            let what = "is not read: protobuf and json of Foxglove are, and cdr of ROS 2";
+            return Some(Err(format!("{name} encoded as {other:?} {what}")));
+        }
+        _ => return None,
+    }))
 }
 
 /// Name of a message type, and its text.
@@ -105,8 +88,8 @@ type Schema = (String, Bytes);
 /// Channels of a file.
 #[derive(Default)]
 struct Channels {
-    /// Topic of each channel, and the content of those that are read.
-    channels: HashMap<u16, (String, Option<Content>)>,
+    /// Topic of each channel, and how to decode the messages of those that are read.
+    channels: HashMap<u16, (String, Option<Decode>)>,
     /// All topics, with their types, and the reason why curves on them are not read.
     topics: BTreeMap<String, (String, Option<String>)>,
     /// True if linkwatch wrote the file.
@@ -132,14 +115,14 @@ impl Channels {
     }
 
     fn add(&mut self, id: u16, topic: String, schema: Option<&Schema>, encoding: &str) {
-        let content = schema.and_then(|schema| Content::of(schema, encoding));
+        let decode = schema.and_then(|schema| decoder(schema, encoding));
         let name = schema.map_or_else(String::new, |(name, _)| name.clone());
         self.is_recording |= name.starts_with("linkwatch.v");
-        let (content, why) = match content.transpose() {
-            Ok(content) => (content, None),
+        let (decode, why) = match decode.transpose() {
+            Ok(decode) => (decode, None),
             Err(why) => (None, Some(why)),
         };
-        self.channels.insert(id, (topic.clone(), content));
+        self.channels.insert(id, (topic.clone(), decode));
         self.topics.insert(topic, (name, why));
     }
 
@@ -158,7 +141,7 @@ impl Channels {
 
     fn reads(&self, topic: &str) -> bool {
         let mut channels = self.channels.values();
-        channels.any(|(name, content)| name == topic && content.is_some())
+        channels.any(|(name, decode)| name == topic && decode.is_some())
     }
 
     /// Returns the topic that is read.
@@ -279,11 +262,10 @@ impl<R: Read + Seek> McapFrames<R> {
             let place = format!("message at byte {}", place.at);
             let channel = self.channels.channels.get(&channel);
             let unknown = || invalid(&place, "a message of an unknown channel");
-            let (topic, content) = channel.ok_or_else(unknown)?;
-            if let Some(content) = content.filter(|_| *topic == self.topic) {
-                let update = content.decode(&body);
+            let (topic, decode) = channel.ok_or_else(unknown)?;
+            if let Some(decode) = decode.as_ref().filter(|_| *topic == self.topic) {
                 return Ok(Some(Message {
-                    update: update.map_err(|what| Error::format(FORMAT, &place, what))?,
+                    update: decode(&body).map_err(|what| Error::format(FORMAT, &place, what))?,
                     log_time,
                     place,
                 }));
@@ -309,7 +291,7 @@ impl<R: Read + Seek> McapFrames<R> {
 
     /// Returns the error of a file without lines, which names what it has.
     fn no_lines(&self) -> Error {
-        let seen: Vec<&str> = self.state.seen().collect();
+        let seen: Vec<&str> = self.state.seen.iter().copied().collect();
         let has = match seen.is_empty() {
             true => "its messages are empty, or it has none".into(),
             false => format!("only {}, which are not read", seen.join(", ")),

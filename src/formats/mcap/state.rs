@@ -82,7 +82,7 @@ pub(super) struct State {
     before: HashSet<String>,
     log_time: u64,
     /// Names of all elements so far that are no lines, in the plural.
-    seen: BTreeSet<&'static str>,
+    pub seen: BTreeSet<&'static str>,
 }
 
 impl State {
@@ -161,11 +161,6 @@ impl State {
     /// Returns true if there are no curves.
     pub fn is_empty(&self) -> bool {
         self.entities.values().all(|e| e.entity.strips.is_empty())
-    }
-
-    /// Returns the names of all elements so far that are no lines, in the plural.
-    pub fn seen(&self) -> impl Iterator<Item = &'static str> {
-        self.seen.iter().copied()
     }
 
     /// Returns the elements of the frame that may be curves, and are not read.
