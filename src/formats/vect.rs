@@ -25,9 +25,7 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
         word: 0..0,
     };
     if words.next(format_args!("the word VECT"))? != b"VECT" {
-        return Err(words
-            .lines
-            .bad(format_args!("{}, expected VECT", quote(words.word()))));
+        return Err(words.unexpected("VECT"));
     }
     if words.next(format_args!("the number of polylines"))? == b"BINARY" {
         let what = "binary files; only text files are supported";
@@ -78,9 +76,7 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
         words.number(format_args!("colour {}", k / 4))?;
     }
     if words.advance()? {
-        return Err(words
-            .lines
-            .bad(format_args!("{}, expected the end", quote(words.word()))));
+        return Err(words.unexpected("the end"));
     }
     CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz))
 }
@@ -142,12 +138,16 @@ impl<R: BufRead> Words<R> {
     }
 
     fn next(&mut self, expected: Arguments<'_>) -> Result<&[u8]> {
-        if !self.advance()? {
-            return Err(self
-                .lines
-                .bad(format_args!("the file ends, expected {expected}")));
+        match self.advance()? {
+            true => Ok(self.word()),
+            false => Err((self.lines).bad(format_args!("the file ends, expected {expected}"))),
         }
-        Ok(self.word())
+    }
+
+    /// Creates an error that quotes the word.
+    fn unexpected(&self, expected: &str) -> Error {
+        let word = quote(self.word());
+        self.lines.bad(format_args!("{word}, expected {expected}"))
     }
 
     /// Parses the word as an integer.
