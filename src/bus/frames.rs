@@ -240,15 +240,7 @@ impl Client {
         let mut points = 0;
         for (curve, &count) in counts.iter().enumerate() {
             let n = count.unsigned_abs() as usize;
-            let closed = count < 0;
-            if basis.segments(n, closed).is_none() {
-                return Err(Error::CurveTooShort {
-                    curve,
-                    points: n,
-                    kind: basis.describe(closed),
-                    needed: basis.needs(closed),
-                });
-            }
+            basis.segments_of(curve, n, count < 0)?;
             points += n;
         }
         let (table, names_bytes) = table_of(counts, &labels);

@@ -2,6 +2,7 @@
 
 use super::Point;
 use super::vector::per_axis;
+use crate::error::{Error, Result};
 use std::ops::{Add, Div, Mul, Sub};
 
 vocabulary! {
@@ -40,6 +41,21 @@ impl Basis {
             (Basis::Bezier, true) => (points > 0 && points.is_multiple_of(3)).then_some(points / 3),
             (Basis::Bezier, false) => (points >= 4 && points % 3 == 1).then_some(points / 3),
         }
+    }
+
+    /// Same as [`Basis::segments`], for this curve.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::CurveTooShort`].
+    pub(crate) fn segments_of(self, curve: usize, points: usize, closed: bool) -> Result<usize> {
+        let segments = self.segments(points, closed);
+        segments.ok_or_else(|| Error::CurveTooShort {
+            curve,
+            points,
+            kind: self.describe(closed),
+            needed: self.needs(closed),
+        })
     }
 
     /// Returns the number of control points from the start of one segment to the start of the next
@@ -88,7 +104,7 @@ impl Basis {
     }
 
     /// Returns, in words, the condition that [`Basis::segments`] puts on the number of points.
-    pub(crate) fn needs(self, closed: bool) -> &'static str {
+    fn needs(self, closed: bool) -> &'static str {
         match (self, closed) {
             (Basis::Polyline, true) => "at least one",
             (Basis::Polyline, false) => "at least two",

@@ -51,14 +51,7 @@ impl CurveSet {
     fn add_curve(&mut self, points: usize, closed: bool) -> Result<()> {
         count_of(points, closed)?;
         let (basis, first) = (self.basis, self.slots());
-        let Some(segments) = basis.segments(points, closed) else {
-            return Err(Error::CurveTooShort {
-                curve: self.len(),
-                points,
-                kind: basis.describe(closed),
-                needed: basis.needs(closed),
-            });
-        };
+        let segments = basis.segments_of(self.len(), points, closed)?;
         let end = first + slots_of(basis, segments);
         if u32::try_from(end).is_err() {
             return Err(Error::count("points of all curves", end, u32::MAX));
