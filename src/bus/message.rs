@@ -2,7 +2,7 @@
 
 use super::wire::{
     FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, LAYOUT_VERSION, NO_CURVE,
-    NO_FRAME, VERDICT_MAGIC, VerdictWire,
+    NO_FRAME, VERDICT_MAGIC, VerdictWire, check_version,
 };
 use crate::error::{Error, Result};
 use crate::verdict::{
@@ -320,13 +320,7 @@ impl VerdictWire {
         if self.magic != VERDICT_MAGIC {
             return Err(bad("magic number", self.magic));
         }
-        if self.version != LAYOUT_VERSION {
-            return Err(Error::Version {
-                what: "the verdict message",
-                found: self.version.into(),
-                known: LAYOUT_VERSION.into(),
-            });
-        }
+        check_version("the verdict message", self.version)?;
         let kind = match self.kind {
             0 => MessageKind::Hello,
             1 => MessageKind::Verdict,

@@ -26,17 +26,12 @@ pub(super) fn remove_unsized() {
     let list = || {
         let user = std::fs::metadata("/proc/self").ok()?.uid();
         let files = std::fs::read_dir("/dev/shm").ok()?.flatten();
-        let named = files.filter(|file| {
-            file.file_name()
-                .as_encoded_bytes()
-                .starts_with(prefix.as_bytes())
-        });
-        let unsized_files = named.filter_map(|file| {
-            let data = file
-                .metadata()
-                .ok()
-                .filter(|data| data.size() == 0 && data.uid() == user)?;
-            Some((file.path(), data.ino()))
+        let unsized_files = files.filter_map(|file| {
+            let name = file.file_name();
+            let is_named = name.as_encoded_bytes().starts_with(prefix.as_bytes());
+            let data = file.metadata().ok().filter(|_| is_named)?;
+            let is_unsized = data.size() == 0 && data.uid() == user;
+            is_unsized.then(|| (file.path(), data.ino()))
         });
         Some(unsized_files.collect::<Vec<_>>())
     };

@@ -176,13 +176,7 @@ impl FrameHeader {
             let what = format!("{:#018x}, expected {FRAME_MAGIC:#018x}", self.magic);
             return Err(Error::format("frame", "magic number", what));
         }
-        if self.version != LAYOUT_VERSION {
-            return Err(Error::Version {
-                what: "the frame",
-                found: self.version.into(),
-                known: LAYOUT_VERSION.into(),
-            });
-        }
+        check_version("the frame", self.version)?;
         // In a message of the watcher, 0 stands for no session.
         if self.session == 0 {
             let what = "0, expected a random number";
@@ -267,6 +261,18 @@ impl FrameHeader {
         labels.check(curves)?;
         Ok(labels)
     }
+}
+
+/// Fails unless the layout version of a message is that of this build.
+pub(super) fn check_version(what: &'static str, found: u32) -> Result<()> {
+    if found == LAYOUT_VERSION {
+        return Ok(());
+    }
+    Err(Error::Version {
+        what,
+        found: found.into(),
+        known: LAYOUT_VERSION.into(),
+    })
 }
 
 /// Returns the number of vectors that are not zero.
