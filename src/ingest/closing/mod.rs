@@ -186,15 +186,11 @@ impl Closing {
         frame: RawFrame<'a>,
         source: CurveSource,
     ) -> Result<RawFrame<'a>> {
-        let points = |counts: &[i32]| counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
-        let all: u64 = points(frame.counts);
-        if frame.positions.len() as u64 != 3 * all {
-            return Ok(frame);
-        }
         // Copied once: counts in shared memory could change between two reads.
         self.counts.clear();
         self.counts.extend_from_slice(frame.counts);
-        if points(&self.counts) != all {
+        let points: u64 = (self.counts.iter().map(|c| u64::from(c.unsigned_abs()))).sum();
+        if frame.positions.len() as u64 != 3 * points {
             return Ok(frame);
         }
         if self.known.is_empty() {
@@ -264,14 +260,6 @@ impl Closing {
     ///
     /// The errors of [`Closing::curves`].
     pub fn of_set(&mut self, set: &CurveSet, source: CurveSource) -> Result<Option<CurveSet>> {
-        let same = |(known, c): (&Known, i32)| match known {
-            Known::Open => c > 0 || !source.closed_by_default,
-            Known::Closed | Known::Joined(_) => c < 0 || self.keep_open,
-            Known::Repeated(_) => false,
-        };
-        if self.known.len() == set.len() && self.known.iter().zip(set.counts()).all(same) {
-            return Ok(None);
-        }
         let counts: Vec<i32> = set.counts().collect();
         let frame = RawFrame {
             basis: set.basis(),
