@@ -357,10 +357,9 @@ impl ImagePlan {
             let set = Arc::new(set.clone());
             CurveSet::translate(&set, &pairs.curves, cell, &mut translated)?;
         }
-        let filter = pairs.filter;
         let translated = translated.as_ref();
         let points = translated.map_or(0, CurveSet::points);
-        let plan = translated.map(|curves| Plan::of_filter(curves, None, Some(filter)));
+        let plan = translated.map(|curves| Plan::of_filter(curves, None, Some(pairs.filter())));
         let prepared = costs::images(set.points(), points);
         let prepared = Prediction::of(prepared, rayon::current_num_threads());
         let (links, total) = plan.map_or_else(Default::default, |p| (p.potential_links, p.total));

@@ -100,8 +100,6 @@ impl Searched<'_> {
 pub(crate) struct ImagePairs {
     /// All curves of the frame, and translated ones, sorted.
     pub curves: Translated,
-    /// The pairs that are verified, among all pairs of these curves.
-    pub filter: PairFilter,
     pub state: ImageState,
     /// Largest sides of the boxes of the state.
     sides: Point,
@@ -165,10 +163,8 @@ impl ImagePairs {
 
     /// Returns the pairs of a state. `periods` has those of the curves that run through the cell.
     pub fn restored(state: ImageState, periods: &Arc<[Option<Image>]>) -> ImagePairs {
-        let curves = Translated::new(state.curves.clone(), periods);
         ImagePairs {
-            filter: PairFilter::Images(curves.clone()),
-            curves,
+            curves: Translated::new(state.curves.clone(), periods),
             sides: state.within.largest_sides(),
             state,
         }
@@ -217,6 +213,11 @@ impl ImagePairs {
         let slack = slacks.fold([f64::INFINITY; 3], smaller_slack);
         *known = Some((map, slack));
         slack
+    }
+
+    /// Returns the filter of the pairs that are verified, among all pairs of these curves.
+    pub fn filter(&self) -> PairFilter {
+        PairFilter::Images(self.curves.clone())
     }
 
     /// Returns true if there are translated curves.

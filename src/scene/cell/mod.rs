@@ -200,7 +200,7 @@ impl CellScene {
     pub fn filter(&self) -> Option<PairFilter> {
         let found = self.found.as_ref();
         let found = found.filter(|found| found.images.is_some());
-        found.map(|found| found.pairs.filter.clone())
+        found.map(|found| found.pairs.filter())
     }
 
     /// Returns the number of curves that are verified, images included.
