@@ -16,7 +16,7 @@
 
 use super::sagitta;
 use crate::curve::Point;
-use crate::curve::vector::per_axis;
+use crate::curve::vector::{add_scaled, dot};
 use std::f64::consts::TAU;
 
 /// A shear along one wave.
@@ -45,10 +45,9 @@ impl Shear {
     }
 
     fn apply(&self, p: Point) -> Point {
-        let [x, y, z] = self.normal;
-        let along = x * p[0] + y * p[1] + z * p[2];
+        let along = dot(self.normal, p);
         let by = self.amplitude() * (self.wave_number() * along + self.phase).sin();
-        per_axis(|k| p[k] + by * self.direction[k])
+        add_scaled(p, by, self.direction)
     }
 }
 
@@ -105,6 +104,7 @@ impl Isotopy {
 mod tests {
     use super::*;
     use crate::curve::vector::distance;
+    use crate::curve::vector::per_axis;
 
     fn sample() -> Isotopy {
         let shear = |direction, normal, wavelength, slope, phase| Shear {
