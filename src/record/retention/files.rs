@@ -95,9 +95,7 @@ impl Files {
         }
         created?;
         let again = std::mem::take(&mut self.again);
-        let Some(open) = &mut self.open else {
-            return Ok(());
-        };
+        let open = self.open.as_mut().expect("created above");
         let left_out = start.answered.saturating_sub(open.answered);
         open.sink.leave_out(left_out);
         if let Some(baseline) = &start.baseline {
@@ -165,8 +163,7 @@ impl Files {
             self.number += 1;
             match self.create() {
                 Ok(()) => {
-                    let is_later = self.created > 1 || self.number > 1;
-                    if let Some(path) = self.last.as_ref().filter(|_| is_later) {
+                    if let Some(path) = self.last.as_ref().filter(|_| self.number > 1) {
                         tracing::info!("the recording continues in {}", path.display());
                     }
                     return Ok(());
