@@ -4,29 +4,20 @@
 use crate::ingest::{Closing, ClosingNote, Decisions};
 
 /// Decisions about the layout of the last verified frame, and about the current frame.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Closings {
-    keep_open: bool,
     /// Layout of the last verified frame.
     known: Option<(u32, Closing)>,
     /// Decisions of a frame of another layout, until it is verified.
-    new: Closing,
+    pub new: Closing,
 }
 
 impl Closings {
-    pub fn new(keep_open: bool) -> Closings {
-        Closings {
-            keep_open,
-            known: None,
-            new: Closing::default(),
-        }
-    }
-
     /// Continues with decisions about a layout.
     pub fn decided(keep_open: bool, layout: u32, decisions: Decisions) -> Closings {
         Closings {
             known: Some((layout, Closing::decided(keep_open, decisions))),
-            ..Closings::new(keep_open)
+            new: Closing::default(),
         }
     }
 
@@ -42,11 +33,12 @@ impl Closings {
         known.map(|known| &mut known.1)
     }
 
-    /// Begins decisions about a layout that the last verified frame does not have. The curves with
-    /// the value true stay open.
-    pub fn begin(&mut self, stay_open: Vec<bool>) -> &mut Closing {
-        self.new = Closing::new(self.keep_open).with_open(stay_open);
-        &mut self.new
+    /// Returns the decisions about the layout of the current frame.
+    pub fn of(&mut self, layout: u32) -> &mut Closing {
+        match &mut self.known {
+            Some((known, closing)) if *known == layout => closing,
+            _ => &mut self.new,
+        }
     }
 
     /// Tells the result of a frame. Returns the decisions that it made.
@@ -57,11 +49,6 @@ impl Closings {
             self.known = Some((layout, new));
         }
         notes
-    }
-
-    /// Forgets all decisions, so that the next frame makes others.
-    pub fn forget(&mut self) {
-        *self = Closings::new(self.keep_open);
     }
 
     /// Returns the number of curves that are closed because they end where they start.

@@ -11,8 +11,6 @@ use std::sync::Arc;
 /// Follows the curves of successive frames through the periodic cell.
 #[derive(Debug, Default)]
 pub(super) struct Coordinates {
-    /// [`SessionOptions::wrapped`](crate::SessionOptions::wrapped).
-    wrapped: Option<bool>,
     /// State after the last verified frame.
     pub state: CoordinateState,
     /// Unwrapping after the current frame.
@@ -31,16 +29,9 @@ pub(super) struct CoordinateState {
 }
 
 impl Coordinates {
-    pub fn new(wrapped: Option<bool>) -> Coordinates {
-        Coordinates {
-            wrapped,
-            ..Coordinates::default()
-        }
-    }
-
     /// Returns the state before a first frame.
     pub fn restarted(&self) -> Coordinates {
-        let mut restarted = Coordinates::new(self.wrapped);
+        let mut restarted = Coordinates::default();
         restarted.state.earlier = self.jumps();
         restarted
     }
@@ -56,7 +47,8 @@ impl Coordinates {
     }
 
     /// Returns the curves of a frame where they are verified. `info` has the cell with which they
-    /// are; `of_frame` is also that of a frame whose images are not verified.
+    /// are; `of_frame` is also that of a frame whose images are not verified. `wrapped` is
+    /// [`SessionOptions::wrapped`](crate::SessionOptions::wrapped).
     ///
     /// # Errors
     ///
@@ -67,9 +59,10 @@ impl Coordinates {
         given: &Arc<CurveSet>,
         info: &FrameInfo,
         of_frame: Option<Cell>,
+        wrapped: Option<bool>,
     ) -> Result<Arc<CurveSet>> {
         let cell = info.cell;
-        let placed = match (self.wrapped, cell) {
+        let placed = match (wrapped, cell) {
             (Some(true), _) => {
                 let none = "wrapped coordinates need a periodic cell, but the frame has none";
                 let cell = cell.or(of_frame).ok_or_else(|| Error::Usage(none.into()))?;

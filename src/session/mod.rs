@@ -25,7 +25,7 @@ use crate::discretize::Braids;
 use crate::engine::{Engine, Next as NextFrame, Progress, SessionOptions, Timings};
 use crate::error::{Error, Result};
 use crate::incremental::Events;
-use crate::ingest::{ClosingNote, CurveSource, FrameInfo, FramePool, RawFrame};
+use crate::ingest::{Closing, ClosingNote, CurveSource, FrameInfo, FramePool, RawFrame};
 use crate::pool;
 use crate::verdict::{LeftOut, Report};
 use std::collections::BTreeSet;
@@ -116,13 +116,13 @@ impl Session {
     pub fn new(options: SessionOptions) -> Result<Session> {
         Ok(Session {
             engine: Engine::new(options.clone())?,
-            closings: Closings::new(options.keep_open),
-            coordinates: Coordinates::new(options.wrapped),
+            closings: Closings::default(),
+            coordinates: Coordinates::default(),
             pool: Default::default(),
             last: None,
             given: None,
             next: Next::ByInfo,
-            strands: Strands::new(&options),
+            strands: Strands::default(),
             gone: BTreeSet::new(),
             options,
         })
@@ -265,7 +265,7 @@ impl Session {
     }
 
     fn begin_part_with(&mut self, certificate: Certificate, names_images: bool) {
-        self.closings.forget();
+        self.closings = Closings::default();
         self.next = Next::Part(PartBaseline {
             certificate,
             names_images,
@@ -274,7 +274,7 @@ impl Session {
 
     /// Begins another run, with the same options: the next frame is its first one.
     pub fn begin_run(&mut self) {
-        self.closings.forget();
+        self.closings = Closings::default();
         self.next = Next::Run;
     }
 
@@ -366,22 +366,18 @@ impl Session {
 
     fn close(&mut self, set: Arc<CurveSet>, info: &FrameInfo) -> Result<Arc<CurveSet>> {
         let source = self.source(info);
-        let stay_open = self.curves_that_stay_open(info, &set);
-        let closing = match self.closings.known(info.layout) {
-            Some(closing) => closing,
-            None => self.closings.begin(stay_open),
-        };
+        if self.closings.known(info.layout).is_none() {
+            let stay_open = self.curves_that_stay_open(info, &set);
+            self.closings.new = Closing::new(self.options.keep_open).with_open(stay_open);
+        }
+        let closing = self.closings.of(info.layout);
         Ok(closing.of_set(&set, source)?.map_or(set, Arc::new))
     }
 
     /// Returns for each curve of a frame if a curve of this name and number of points is open in
     /// the last verified frame.
     fn curves_that_stay_open(&self, info: &FrameInfo, set: &CurveSet) -> Vec<bool> {
-        let last = self.last().zip(self.coordinates.last.as_ref());
-        let may_stay = |(last, (before, _)): &(&FrameInfo, &(Arc<CurveSet>, _))| {
-            last.layout != info.layout && before.open_curves() > 0
-        };
-        let Some((last, (before, _))) = last.filter(may_stay) else {
+        let Some((last, (before, _))) = self.last().zip(self.coordinates.last.as_ref()) else {
             return Vec::new();
         };
         let change = CurveChange::by_name(&last.labels, &info.labels);
@@ -466,7 +462,7 @@ impl Session {
             Some((engine, coordinates)) => (engine, coordinates),
             None => (&mut self.engine, &mut self.coordinates),
         };
-        let set = coordinates.place(&given, info, of_frame)?;
+        let set = coordinates.place(&given, info, of_frame, self.options.wrapped)?;
         if let (Some(change), Some((before, _))) = (&mut change, &coordinates.last) {
             let all = self.options.events == Events::All;
             change.note_kinds(before, &set, &info.labels.names, all);
@@ -488,7 +484,7 @@ impl Session {
         // From here on, nothing can reject the frame.
         if let Some(begun) = begun {
             (self.engine, self.coordinates) = begun;
-            self.strands = Strands::new(&self.options);
+            self.strands = Strands::default();
             if !matches!(self.next, Next::Part(_)) {
                 self.gone.clear();
             }
@@ -501,7 +497,7 @@ impl Session {
         self.coordinates.commit(&set, info.cell);
         info.translated = self.coordinates.translated();
         self.next = Next::ByInfo;
-        report.clearance = self.strands.measure(info, &set);
+        report.clearance = self.strands.measure(&self.options, info, &set);
         report.abort = self.engine.aborts(&report);
         self.last = Some(info.clone());
         self.given = Some(Arc::clone(&given));

@@ -4,7 +4,7 @@ use crate::curve::CurveSet;
 use crate::engine::SessionOptions;
 use crate::error::Result;
 use crate::ingest::FrameInfo;
-use crate::measure::{ClearanceMonitor, ClearanceOptions};
+use crate::measure::ClearanceMonitor;
 use crate::verdict::Clearance;
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 /// frame of the same layout is measured.
 #[derive(Debug, Default)]
 pub(super) struct Strands {
-    options: Option<ClearanceOptions>,
     monitor: Option<ClearanceMonitor>,
     /// Layout of the curves that are measured.
     layout: Option<u32>,
@@ -23,17 +22,10 @@ pub(super) struct Strands {
 }
 
 impl Strands {
-    pub fn new(options: &SessionOptions) -> Strands {
-        Strands {
-            options: options.clearance,
-            ..Strands::default()
-        }
-    }
-
     /// Continues after a frame, with the trend of the clearance.
     pub fn resumed(options: &SessionOptions, info: &FrameInfo, trend: Vec<(u64, f64)>) -> Strands {
-        let mut strands = Strands::new(options);
-        strands.begin_layout(info);
+        let mut strands = Strands::default();
+        strands.begin_layout(options, info);
         if let Some(monitor) = &mut strands.monitor {
             monitor.set_trend(trend);
         }
@@ -41,10 +33,10 @@ impl Strands {
     }
 
     /// Begins with the curves of a frame, which may be others than before.
-    fn begin_layout(&mut self, info: &FrameInfo) {
+    fn begin_layout(&mut self, options: &SessionOptions, info: &FrameInfo) {
         self.layout = Some(info.layout);
         self.unmeasured = None;
-        self.monitor = self.options.map(ClearanceMonitor::new);
+        self.monitor = options.clearance.map(ClearanceMonitor::new);
         if let Some(monitor) = &mut self.monitor {
             let known = monitor.set_radii(&info.labels.radii);
             self.check(info.seq, known);
@@ -65,10 +57,15 @@ impl Strands {
     }
 
     /// Measures a verified frame.
-    pub fn measure(&mut self, info: &FrameInfo, set: &CurveSet) -> Option<Clearance> {
+    pub fn measure(
+        &mut self,
+        options: &SessionOptions,
+        info: &FrameInfo,
+        set: &CurveSet,
+    ) -> Option<Clearance> {
         let start = Instant::now();
         if self.layout != Some(info.layout) {
-            self.begin_layout(info);
+            self.begin_layout(options, info);
         }
         let monitor = self.monitor.as_mut()?;
         let measured = monitor.measure(set, info.cell.as_ref(), info.seq);
