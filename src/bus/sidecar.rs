@@ -212,14 +212,13 @@ pub struct Sidecar {
     subscriber: Subscriber<Ipc, [u8], FrameHeader>,
     /// `None` for an observer.
     publisher: Option<Publisher<Ipc, VerdictWire, ()>>,
-    max_frame_bytes: usize,
+    options: SidecarOptions,
     session: Option<Session>,
     /// Ended sessions, newest last. A late frame of one of them does not start a new session.
     ended: VecDeque<u64>,
     newest: Option<Frame>,
     /// Baseline that was received. It precedes `newest`.
     baseline: Option<Frame>,
-    from_now: bool,
     /// Frames that were received, but must wait until the session before them has ended.
     held: VecDeque<Frame>,
     /// Session that another watcher watched, until a frame arrives that it had not received.
@@ -254,12 +253,11 @@ impl Sidecar {
         let mut sidecar = Sidecar {
             subscriber: endpoint.subscribe_to_frames(service)?,
             publisher: publisher.transpose()?,
-            max_frame_bytes: options.max_frame_bytes,
+            options: *options,
             session: None,
             ended: VecDeque::new(),
             newest: None,
             baseline: None,
-            from_now: options.from_now,
             held: VecDeque::new(),
             resumed: None,
             pending: VecDeque::new(),
@@ -358,7 +356,7 @@ impl Sidecar {
         Ok(sample.map(|sample| Frame {
             header: *sample.user_header(),
             sample,
-            max_bytes: self.max_frame_bytes,
+            max_bytes: self.options.max_frame_bytes,
             fault: None,
             after_gap: false,
         }))
@@ -403,14 +401,14 @@ impl Sidecar {
         };
         let received = self.baseline.as_ref().map(Frame::seq);
         let here = [received, session.baseline, Some(newest.seq())];
-        let begins_here = self.from_now && session.baseline.is_none();
+        let begins_here = self.options.from_now && session.baseline.is_none();
         !begins_here && !here.contains(&Some(newest.header.baseline))
     }
 
     /// Returns the baseline that was received, unless the watcher is to begin with a newer frame.
     fn take_baseline(&mut self) -> Option<Frame> {
         let begins = self.session.as_ref().is_some_and(|s| s.baseline.is_none());
-        let skip = self.from_now && begins && self.newest.is_some();
+        let skip = self.options.from_now && begins && self.newest.is_some();
         self.baseline.take().filter(|_| !skip)
     }
 
