@@ -109,7 +109,7 @@ impl Frame {
     ///
     /// The frame breaks its contract, as in [`Frame::ingest`].
     pub fn info(&self, last: &mut LastLabels) -> Result<FrameInfo> {
-        let table = self.view()?.table;
+        let (table, _) = self.view()?;
         // Zeros after a part may also belong to the part, so equal bytes alone are not enough.
         let header = &self.header;
         let radii = header.flags & FLAG_RADII;
@@ -151,10 +151,12 @@ impl Frame {
     ///
     /// The errors of [`Frame::ingest`].
     pub fn read(&self, receive: impl FnOnce(RawFrame<'_>) -> Result<()>) -> Result<()> {
-        receive(self.view()?.frame)
+        let (_, frame) = self.view()?;
+        receive(frame)
     }
 
-    fn view(&self) -> Result<View<'_>> {
+    /// Returns the parts of the payload ([`FrameHeader::view`]).
+    fn view(&self) -> Result<(&[u8], RawFrame<'_>)> {
         match &self.fault {
             Some(fault) => Err(Error::format("frame", "sequence number", fault)),
             None => self.header.view(self.sample.payload(), self.max_bytes),
@@ -162,17 +164,15 @@ impl Frame {
     }
 }
 
-/// Parts of a payload.
-pub(super) struct View<'a> {
-    /// The parts before the positions: the same bytes in all frames of a layout.
-    pub table: &'a [u8],
-    pub frame: RawFrame<'a>,
-}
-
 impl FrameHeader {
-    /// Returns the parts of the payload that this header describes, or an error if they do not fit.
-    /// `self` must be a copy, because the header in shared memory may change at any time.
-    pub fn view<'a>(&self, payload: &'a [u8], max_bytes: usize) -> Result<View<'a>> {
+    /// Returns the bytes of the payload before the positions, which are the same in all frames of a
+    /// layout, and the frame; an error if the payload is not as this header says. `self` must be a
+    /// copy, because the header in shared memory may change at any time.
+    pub fn view<'a>(
+        &self,
+        payload: &'a [u8],
+        max_bytes: usize,
+    ) -> Result<(&'a [u8], RawFrame<'a>)> {
         let field = |place, what: String| Err(Error::format("frame", place, what));
         if payload.len() > max_bytes {
             let what = "bytes of a frame (more than the limit)";
@@ -219,7 +219,7 @@ impl FrameHeader {
             counts,
             positions,
         };
-        Ok(View { table, frame })
+        Ok((table, frame))
     }
 }
 

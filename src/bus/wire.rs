@@ -233,7 +233,7 @@ impl FrameHeader {
     }
 
     /// Decodes the names and radii in a copy of the parts before the positions
-    /// (`View::table`).
+    /// ([`FrameHeader::view`]).
     pub fn labels(&self, table: &[u8]) -> Result<CurveLabels> {
         let [counts, padded, radii] = self.table().map(|bytes| bytes as usize);
         let (curves, bytes) = (self.n_curves as usize, self.names_bytes as usize);

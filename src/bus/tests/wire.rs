@@ -23,7 +23,7 @@ fn header(curves: u32, points: u64) -> FrameHeader {
 }
 
 fn error(header: FrameHeader, payload: &[u8], max_bytes: usize) -> String {
-    let view = header.view(payload, max_bytes).map(|view| view.frame);
+    let view = header.view(payload, max_bytes).map(|(_, frame)| frame);
     view.unwrap_err().to_string()
 }
 
@@ -68,7 +68,7 @@ fn rejects_names_that_are_no_list_of_words() {
 #[test]
 fn splits_a_frame_that_fits() {
     let bytes = Aligned([0; 256]);
-    let frame = header(1, 4).view(&bytes.0[..112], 256).unwrap().frame;
+    let (_, frame) = header(1, 4).view(&bytes.0[..112], 256).unwrap();
     assert_eq!((frame.counts.len(), frame.positions.len()), (1, 12));
 }
 
