@@ -1,7 +1,7 @@
 //! Files that NumPy wrote (`tests/models/numpy/generate.py`), and files with errors made by hand.
 
 use super::array::Array;
-use super::write::Member;
+use super::write::{directory_entry, local_header};
 use super::*;
 use crate::Certifier;
 use crate::curve::{CurveSet, Precision};
@@ -312,8 +312,8 @@ fn archive(members: &[(Vec<u8>, Vec<u8>)]) -> Vec<u8> {
 /// Returns a stored member at the start of an archive.
 fn stored(name: &str, values: &[u8]) -> (Vec<u8>, Vec<u8>) {
     let (crc, size) = (crc32fast::hash(values), values.len() as u64);
-    let content = [&Member::local_header(name, crc, size), values].concat();
-    (Member::entry(name, crc, size, 0), content)
+    let content = [&local_header(name, crc, size), values].concat();
+    (directory_entry(name, crc, size, 0), content)
 }
 
 #[test]
@@ -372,11 +372,14 @@ fn with_array(frames: usize, name: &str, descr: &str, shape: &str, values: &[u8]
     let (entry, first) = stored("positions", &positions);
     let second = array(&header(descr, shape), values);
     let (crc, size) = (crc32fast::hash(&second), second.len() as u64);
-    let local = Member::local_header(name, crc, size);
+    let local = local_header(name, crc, size);
     let at = first.len() as u64;
     let members = [
         (entry, first),
-        (Member::entry(name, crc, size, at), [local, second].concat()),
+        (
+            directory_entry(name, crc, size, at),
+            [local, second].concat(),
+        ),
     ];
     archive(&members)
 }
@@ -720,11 +723,11 @@ fn a_compressed_frame_of_little_more_than_zeros_is_refused_before_it_is_decompre
     encoder.write_all(&header).unwrap();
     let compressed = encoder.finish().unwrap();
     let size = header.len() as u64 + 12 * points;
-    let mut entry = Member::entry("positions", 0, size, 0);
+    let mut entry = directory_entry("positions", 0, size, 0);
     entry[10] = 8;
     let at = entry.len() - 16;
     entry[at..at + 8].copy_from_slice(&(compressed.len() as u64).to_le_bytes());
-    let content = [Member::local_header("positions", 0, 0), compressed].concat();
+    let content = [local_header("positions", 0, 0), compressed].concat();
     let error = read_all(&archive(&[(entry, content)]))
         .unwrap_err()
         .to_string();

@@ -164,7 +164,7 @@ const POSITIONS: &str = "positions";
 impl NpzFile {
     pub fn create(path: &Path, frame: &ModelFrame, set: &CurveSet) -> Result<NpzFile> {
         frame.info.labels.check(set.len())?;
-        let lead = Member::local_header(POSITIONS, 0, 0).len();
+        let lead = local_header(POSITIONS, 0, 0).len();
         let mut file = NpzFile {
             stream: Stream::create(path, set, lead)?,
             labels: frame.info.labels.clone(),
@@ -213,8 +213,8 @@ impl FrameSink for NpzFile {
         hasher.combine(&stream.hasher);
         let crc = hasher.finalize();
         let size = stream.bytes + HEADER_BYTES as u64;
-        let first = Member::local_header(POSITIONS, crc, size);
-        let mut members = vec![Member::entry(POSITIONS, crc, size, 0)];
+        let first = local_header(POSITIONS, crc, size);
+        let mut members = vec![directory_entry(POSITIONS, crc, size, 0)];
         let mut at = first.len() as u64 + size;
 
         let one = self.cells.windows(2).all(|w| w[0] == w[1]);
@@ -255,10 +255,10 @@ impl FrameSink for NpzFile {
         for (name, descr, shape, values) in arrays.into_iter().filter(|a| !a.3.is_empty()) {
             let bytes = [&array_header(descr, &shape)[..], &values].concat();
             let (crc, size) = (crc32fast::hash(&bytes), bytes.len() as u64);
-            let local = Member::local_header(name, crc, size);
+            let local = local_header(name, crc, size);
             stream.out.write_all(&local)?;
             stream.out.write_all(&bytes)?;
-            members.push(Member::entry(name, crc, size, at));
+            members.push(directory_entry(name, crc, size, at));
             at += local.len() as u64 + size;
         }
         directory(&mut stream.out, &members, at)?;
@@ -286,46 +286,41 @@ fn texts(texts: &[String]) -> (String, Vec<u8>) {
     (format!("<U{longest}"), bytes)
 }
 
-/// Records of a stored member of a zip archive.
-pub(super) struct Member;
+/// Returns what both records of a member begin with, after the signature: version 4.5 (64-bit
+/// sizes), no flags, stored, the first day of the format, checksum, sizes in the extra field.
+fn member_start(name: &str, crc: u32, extra: u16) -> Vec<u8> {
+    let mut bytes = vec![45, 0, 0, 0, 0, 0, 0, 0, 0x21, 0];
+    bytes.extend(crc.to_le_bytes());
+    bytes.extend([0xFF; 8]);
+    bytes.extend((name.len() as u16 + 4).to_le_bytes());
+    bytes.extend(extra.to_le_bytes());
+    bytes
+}
 
-impl Member {
-    /// Returns what both records of a member begin with, after the signature: version 4.5 (64-bit
-    /// sizes), no flags, stored, the first day of the format, checksum, sizes in the extra field.
-    fn start(name: &str, crc: u32, extra: u16) -> Vec<u8> {
-        let mut bytes = vec![45, 0, 0, 0, 0, 0, 0, 0, 0x21, 0];
-        bytes.extend(crc.to_le_bytes());
-        bytes.extend([0xFF; 8]);
-        bytes.extend((name.len() as u16 + 4).to_le_bytes());
-        bytes.extend(extra.to_le_bytes());
-        bytes
-    }
+/// Returns the record of a stored member before its content.
+pub(super) fn local_header(name: &str, crc: u32, size: u64) -> Vec<u8> {
+    let mut bytes = b"PK\x03\x04".to_vec();
+    bytes.extend(member_start(name, crc, 20));
+    bytes.extend(format!("{name}.npy").as_bytes());
+    bytes.extend([1, 0, 16, 0]);
+    bytes.extend(size.to_le_bytes());
+    bytes.extend(size.to_le_bytes());
+    bytes
+}
 
-    /// Returns the record before the content.
-    pub fn local_header(name: &str, crc: u32, size: u64) -> Vec<u8> {
-        let mut bytes = b"PK\x03\x04".to_vec();
-        bytes.extend(Member::start(name, crc, 20));
-        bytes.extend(format!("{name}.npy").as_bytes());
-        bytes.extend([1, 0, 16, 0]);
-        bytes.extend(size.to_le_bytes());
-        bytes.extend(size.to_le_bytes());
-        bytes
+/// Returns the entry of a stored member in the directory.
+pub(super) fn directory_entry(name: &str, crc: u32, size: u64, at: u64) -> Vec<u8> {
+    let mut bytes = b"PK\x01\x02\x2d\x00".to_vec();
+    bytes.extend(member_start(name, crc, 28));
+    // No comment, the first disk, no attributes; the offset is in the extra field.
+    bytes.extend([0; 10]);
+    bytes.extend([0xFF; 4]);
+    bytes.extend(format!("{name}.npy").as_bytes());
+    bytes.extend([1, 0, 24, 0]);
+    for number in [size, size, at] {
+        bytes.extend(number.to_le_bytes());
     }
-
-    /// Returns the entry of the directory.
-    pub fn entry(name: &str, crc: u32, size: u64, at: u64) -> Vec<u8> {
-        let mut bytes = b"PK\x01\x02\x2d\x00".to_vec();
-        bytes.extend(Member::start(name, crc, 28));
-        // No comment, the first disk, no attributes; the offset is in the extra field.
-        bytes.extend([0; 10]);
-        bytes.extend([0xFF; 4]);
-        bytes.extend(format!("{name}.npy").as_bytes());
-        bytes.extend([1, 0, 24, 0]);
-        for number in [size, size, at] {
-            bytes.extend(number.to_le_bytes());
-        }
-        bytes
-    }
+    bytes
 }
 
 /// Writes the directory and the records at the end.
