@@ -153,7 +153,7 @@ impl Format {
     /// Opens a file of this format.
     pub(super) fn open(self, path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
         self.check(options)?;
-        let single = |curves| ModelFrame::new(0, Ok(curves)).into();
+        let single = |curves| Box::new(Some(ModelFrame::new(0, Ok(curves)))) as Source<'_>;
         match self {
             Format::Bcc => open(path).and_then(|file| bcc::read(file.bytes, file.len).map(single)),
             Format::Obj => obj::read(open_text(path)?),

@@ -141,9 +141,3 @@ impl FrameSource for Option<ModelFrame> {
         Ok(self.take())
     }
 }
-
-impl From<ModelFrame> for Source<'_> {
-    fn from(frame: ModelFrame) -> Self {
-        Box::new(Some(frame))
-    }
-}

@@ -146,7 +146,7 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<Source<'static>> {
     let (curves, left_out) = curves_in(input)?;
     let mut frame = ModelFrame::new(0, Ok(curves));
     frame.info.left_out = left_out;
-    Ok(frame.into())
+    Ok(Box::new(Some(frame)))
 }
 
 /// Reads the curves of a file, and what is left out.
@@ -217,36 +217,32 @@ impl Statements {
             return Ok(());
         };
         self.in_element &= !matches!(name, b"surf" | b"curv2" | b"end");
-        let kind = match name {
-            b"v" => return self.vertex(tokens),
-            b"l" => return self.line(tokens, line),
-            b"curv" => return self.element(tokens, line),
-            b"cstype" => {
-                self.curve_type.set_type(tokens);
-                return Ok(());
-            }
+        let place = || format!("line {line}: {}", quote(name));
+        match name {
+            b"v" => self.vertex(tokens)?,
+            b"l" => self.line(tokens, line)?,
+            b"curv" => self.element(tokens, line)?,
+            b"cstype" => self.curve_type.set_type(tokens),
             b"deg" => {
                 let degree = tokens.first().map(|word| integer(word, "a degree"));
                 self.curve_type.degree = degree.and_then(Result::ok).unwrap_or(0);
-                return Ok(());
             }
-            b"parm" => {
-                if self.in_element && tokens.first() == Some(&b"u".as_slice()) {
-                    let element = self.elements.last_mut().expect("an element was begun");
-                    element.knots = numbers(&tokens[1..])?;
-                }
-                return Ok(());
+            b"parm" if self.in_element && tokens.first() == Some(&b"u".as_slice()) => {
+                let element = self.elements.last_mut().expect("an element was begun");
+                element.knots = numbers(&tokens[1..])?;
             }
-            b"end" => return Ok(()),
-            b"curv2" => ["curve on a surface (curv2)", "curves on surfaces (curv2)"],
-            b"cdc" => FREE_FORM,
-            name if std::str::from_utf8(name).is_ok_and(|name| is_in(IGNORED, name)) => {
-                return Ok(());
+            b"parm" | b"end" => {}
+            b"curv2" => {
+                let kind = ["curve on a surface (curv2)", "curves on surfaces (curv2)"];
+                LeftOut::add(&mut self.left_out, kind, place);
             }
-            _ => ["unknown statement", "unknown statements"],
-        };
-        let place = || format!("line {line}: {}", quote(name));
-        LeftOut::add(&mut self.left_out, kind, place);
+            b"cdc" => LeftOut::add(&mut self.left_out, FREE_FORM, place),
+            name if std::str::from_utf8(name).is_ok_and(|name| is_in(IGNORED, name)) => {}
+            _ => {
+                let kind = ["unknown statement", "unknown statements"];
+                LeftOut::add(&mut self.left_out, kind, place);
+            }
+        }
         Ok(())
     }
 
