@@ -22,6 +22,9 @@ pub(super) const FORMAT: &str = "LAMMPS data file";
 const ATOM_BYTES: u64 = 10;
 const BOND_BYTES: u64 = 8;
 
+/// Sections that are read.
+const SECTIONS: [&str; 2] = ["Atoms", "Bonds"];
+
 /// Sections of a data file to read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Wanted {
@@ -98,16 +101,14 @@ pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Dat
                 data.space = header.space().map_err(|what| lines.bad(what))?;
             }
         }
-        let section = ["Atoms", "Bonds"].map(|name| text == name.as_bytes());
-        for (found, section) in found.iter_mut().zip(section) {
-            if section && std::mem::replace(found, true) {
-                let what = format!("a second section {}", quote(text));
-                return Err(lines.bad(what));
-            }
+        let section = SECTIONS.iter().position(|name| text == name.as_bytes());
+        if section.is_some_and(|k| std::mem::replace(&mut found[k], true)) {
+            let what = format!("a second section {}", quote(text));
+            return Err(lines.bad(what));
         }
         match section {
-            [true, _] if wanted == Wanted::Everything => atoms(&mut lines, &header, &mut data)?,
-            [_, true] => {
+            Some(0) if wanted == Wanted::Everything => atoms(&mut lines, &header, &mut data)?,
+            Some(1) => {
                 data.bonds = read_section(&mut lines, header.bonds, BOND_BYTES, "bonds", bond)?
             }
             _ => skip(&mut lines)?,

@@ -67,24 +67,16 @@ pub(super) fn read_data(
     let closest = cell.as_ref().filter(|_| !options.wrapped);
     let mut frame = ModelFrame::new(0, Ok(frame.finish(closest, unwrapped)?));
     (frame.info.cell, frame.info.left_out) = (cell, left_out);
-    Ok(frame.into())
+    Ok(Box::new(Some(frame)))
 }
 
 /// Opens a dump.
 pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
     let lines = Lines::new(dump::FORMAT, super::open_text(path)?)?;
-    let bonds = options.bonds_of(path);
-    let mut curves = match &bonds {
-        Some(bonds) => read_bonds(bonds).map_err(|e| e.in_file(bonds))?,
+    let curves = match options.bonds_of(path) {
+        Some(bonds) => read_bonds(&bonds).map_err(|e| e.in_file(bonds))?,
         None => chains(path, options.closed)?,
     };
-    if bonds.is_none() && options.closed.is_none() {
-        // Rings would be verified without the bonds that close them.
-        let kind = ["possible closing bond", "possible closing bonds"];
-        let advice = "the option `closed` or the option `closed=false` decides";
-        let possible = LeftOut::new(curves.counts.len() as u64, kind, advice);
-        curves.left_out.push(possible);
-    }
     let (wrapped, last) = (options.wrapped, None);
     Ok(Box::new(dump::Dump {
         lines,
@@ -97,7 +89,7 @@ pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Source<'st
 /// Returns the curves of a dump without bonds, and says what is assumed.
 fn chains(path: &Path, closed: Option<bool>) -> Result<Curves> {
     let lines = Lines::new(dump::FORMAT, super::open_text(path)?)?;
-    let Some(curves) = dump::chains(lines, closed == Some(true))? else {
+    let Some(mut curves) = dump::chains(lines, closed == Some(true))? else {
         let what = "a dump has no bonds, which define the curves: give a data file with them \
                     (option `bonds`; LAMMPS: `write_data FILE`), or write the column mol, whose \
                     molecules are then chains in the order of the ids";
@@ -107,13 +99,20 @@ fn chains(path: &Path, closed: Option<bool>) -> Result<Curves> {
         Some(true) => ("closed", ""),
         _ => ("open", ", or pass the option `closed` if all are rings"),
     };
+    let chains = curves.counts.len() as u64;
     tracing::warn!(
         "{}: a dump has no bonds, so the atoms of each molecule (column mol) are taken as {} in \
          the order of their ids, {kind}: give a data file with bonds (option `bonds`) if they \
          are not{other}",
         path.display(),
-        plural(curves.counts.len() as u64, "chain"),
+        plural(chains, "chain"),
     );
+    if closed.is_none() {
+        // Rings would be verified without the bonds that close them.
+        let kind = ["possible closing bond", "possible closing bonds"];
+        let advice = "the option `closed` or the option `closed=false` decides";
+        curves.left_out.push(LeftOut::new(chains, kind, advice));
+    }
     Ok(curves)
 }
 
