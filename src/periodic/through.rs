@@ -10,6 +10,7 @@
 use super::ImagePair;
 use crate::curve::vector::{dot, norm, per_axis, sub};
 use crate::curve::{Cell, CurveSet, Image, Point, Precision, pow2, significant};
+use crate::words::if_any;
 use serde::{Deserialize, Serialize};
 
 /// Returns the largest distance of the end of a curve from the image of its start along a
@@ -178,10 +179,8 @@ pub(crate) fn almost_yarns(set: &CurveSet, cell: &Cell) -> Option<String> {
     });
     let (i, ends) = almost.next()?;
     let ([n1, n2, n3], distance) = (ends.image, significant(ends.distance));
-    let others = match almost.count() {
-        0 => String::new(),
-        n => format!(", and so do {n} others"),
-    };
+    let n = almost.count() as u64;
+    let others = if_any(n, || format!(", and so do {n} others"));
     Some(format!(
         "curve {i} almost runs through the cell{others}: its end is {distance} away from the image \
          {n1},{n2},{n3} of its start, more than rounding; it is taken for an open curve"

@@ -32,7 +32,7 @@ use crate::error::{Error, Result};
 use crate::formats::container::{self, Container, Ending, invalid};
 use crate::ingest::FrameInfo;
 use crate::verdict::LeftOut;
-use crate::words::plural;
+use crate::words::{if_any, plural};
 use prost::bytes::Bytes;
 use std::collections::{BTreeMap, HashMap};
 use std::io::{Read, Seek};
@@ -189,10 +189,8 @@ impl Channels {
         }
         let words = |(topic, (kind, _)): (&String, &(String, _))| format!("{topic} ({kind})");
         let named: Vec<String> = self.topics.iter().take(NAMED).map(words).collect();
-        let more = match self.topics.len().saturating_sub(NAMED) {
-            0 => String::new(),
-            more => format!(" and {more} more"),
-        };
+        let more = self.topics.len().saturating_sub(NAMED) as u64;
+        let more = if_any(more, || format!(" and {more} more"));
         format!("its topics: {}{more}", named.join(", "))
     }
 }

@@ -24,6 +24,7 @@ use crate::periodic::{
     Entry, ImagePair, Number, RingAndYarn, YarnPeriod, almost_yarns, linking_numbers, period_in,
 };
 use crate::verdict::{Change, Defect};
+use crate::words::if_any;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -92,15 +93,13 @@ impl Yarns {
         let differs = |&i: &usize| known[i].is_some() && find(i) != known[i];
         let mut others = (0..known.len()).filter(differs);
         let first = others.next()?;
+        let n = others.count() as u64;
+        let others = if_any(n, || format!(" (nor do {n} others)"));
         // The sums of passages mean nothing for it.
         self.known = None;
         Some(format!(
-            "curve {first} no longer ends at the image of its start{}: it does not run through the \
-             cell as before",
-            match others.count() {
-                0 => String::new(),
-                n => format!(" (nor do {n} others)"),
-            }
+            "curve {first} no longer ends at the image of its start{others}: it does not run \
+             through the cell as before"
         ))
     }
 
