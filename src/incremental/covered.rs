@@ -1,6 +1,6 @@
 //! Pairs of segments, and curves, that a reference frame or a ledger covers.
 
-use crate::curve::{BoxGroup, Curve, CurveSet};
+use crate::curve::CurveSet;
 use crate::pairs::Leaves;
 
 /// Pairs of segments that are covered in addition to those of two different closed curves.
@@ -12,9 +12,9 @@ pub(crate) struct Coverage {
     pub open_curves: bool,
 }
 
-/// Boxes of the covered curves.
+/// The covered curves of a set.
 #[derive(Clone, Copy)]
-pub(crate) struct Covered<'a> {
+pub(super) struct Covered<'a> {
     pub set: &'a CurveSet,
     pub coverage: Coverage,
 }
@@ -24,27 +24,17 @@ impl<'a> Covered<'a> {
         Covered { set, coverage }
     }
 
-    /// Returns the covered curves.
-    pub fn indices(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.set.len()).filter(|&i| self.has_tree(i))
-    }
-}
-
-impl Leaves for Covered<'_> {
-    fn curves(&self) -> &[Curve] {
-        self.set.curves()
+    /// Returns the covered curves, for trees of their boxes.
+    pub fn leaves(&self) -> Leaves<'a> {
+        Leaves {
+            set: self.set,
+            open: self.coverage.open_curves,
+        }
     }
 
-    fn has_tree(&self, i: usize) -> bool {
-        self.coverage.open_curves || self.set.curve(i).closed
-    }
-
-    fn stored(&self) -> bool {
-        Leaves::stored(&self.set)
-    }
-
-    #[inline(always)]
-    fn boxes(&self, i: usize, g: usize) -> BoxGroup {
-        self.set.leaf_boxes(i, g)
+    /// Returns the numbers of the covered curves.
+    pub fn indices(&self) -> impl Iterator<Item = usize> + use<'a> {
+        let leaves = self.leaves();
+        (0..leaves.set.len()).filter(move |&i| leaves.has_tree(i))
     }
 }

@@ -32,7 +32,7 @@ mod stream;
 mod tests;
 mod work;
 
-pub(crate) use covered::{Coverage, Covered};
+pub(crate) use covered::Coverage;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching, sort_by_time};
 pub(crate) use monitor::Monitor;
 pub(crate) use quiet_bounds::{PointMap, QuietBounds};

@@ -1,6 +1,6 @@
 //! Nodes of the trees of boxes, their leaves, and the positions of the stored boxes.
 
-use crate::curve::{BoxGroup, Curve, CurveSet};
+use crate::curve::CurveSet;
 use crate::simd::LANES;
 
 /// Number of levels of the deepest tree: `8^11 > 2^32` segments.
@@ -39,38 +39,30 @@ impl Node {
     }
 }
 
-/// Source of the segment boxes to which trees are refitted.
-pub(crate) trait Leaves: Copy + Send + Sync {
-    /// Returns the curves. Only their sizes are used.
-    fn curves(&self) -> &[Curve];
+/// The curves of a set that have trees: closed curves, and open ones if `open` is set.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Leaves<'a> {
+    pub set: &'a CurveSet,
+    pub open: bool,
+}
+
+impl<'a> From<&'a CurveSet> for Leaves<'a> {
+    fn from(set: &'a CurveSet) -> Leaves<'a> {
+        Leaves { set, open: false }
+    }
+}
+
+impl Leaves<'_> {
     /// Returns true if curve `i` has a tree. If not, its root is empty.
-    fn has_tree(&self, i: usize) -> bool;
+    pub fn has_tree(&self, i: usize) -> bool {
+        self.open || self.set.curve(i).closed
+    }
+
     /// Returns true if the boxes of single segments are stored: for splines, because their boxes
     /// cost more to compute than to load. If not, [`CurveTree::children`] computes them from the
     /// set of curves.
-    fn stored(&self) -> bool;
-    /// Returns the boxes of the segments `8 g .. 8 g + 8` of curve `i`. Lanes past the last segment
-    /// are empty.
-    fn boxes(&self, i: usize, g: usize) -> BoxGroup;
-}
-
-/// Boxes of the closed curves of a frame.
-impl Leaves for &CurveSet {
-    fn curves(&self) -> &[Curve] {
-        CurveSet::curves(self)
-    }
-
-    fn has_tree(&self, i: usize) -> bool {
-        self.curve(i).closed
-    }
-
-    fn stored(&self) -> bool {
-        !self.basis().is_polyline()
-    }
-
-    #[inline(always)]
-    fn boxes(&self, i: usize, g: usize) -> BoxGroup {
-        self.leaf_boxes(i, g)
+    pub fn stored(&self) -> bool {
+        !self.set.basis().is_polyline()
     }
 }
 

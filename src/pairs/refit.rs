@@ -1,7 +1,7 @@
 //! Computation of the boxes of the trees from those of their leaves, in parallel.
 
 use super::layout::{Layout, Leaves};
-use crate::curve::{Box3, BoxGroup};
+use crate::curve::{Box3, BoxGroup, CurveSet};
 use crate::simd::{LANES, Lanes, dispatch, per_lane};
 
 /// Maximum number of segments that a single task refits.
@@ -15,8 +15,8 @@ pub(crate) fn refits_in_parallel(segments: usize) -> bool {
 
 /// Refits the trees of the curves from `first` on. Splits the range into tasks while it is large
 /// enough.
-pub(super) fn refit_range<S: Leaves>(
-    source: S,
+pub(super) fn refit_range(
+    source: Leaves<'_>,
     first: usize,
     layouts: &[Layout],
     groups: &mut [BoxGroup],
@@ -44,8 +44,8 @@ pub(super) fn refit_range<S: Leaves>(
 }
 
 /// Refits the tree of one curve. Returns its root box, which is empty if the curve has no tree.
-pub(super) fn refit_curve<S: Leaves>(
-    source: S,
+pub(super) fn refit_curve(
+    source: Leaves<'_>,
     i: usize,
     layout: &Layout,
     groups: &mut [BoxGroup],
@@ -56,13 +56,13 @@ pub(super) fn refit_curve<S: Leaves>(
     let leaves = (layout.segments as usize).div_ceil(LANES);
     let (stored, upper) = groups.split_at_mut(if layout.leaves { leaves } else { 0 });
     if leaves == 1 {
-        let leaf = source.boxes(i, 0);
+        let leaf = source.set.leaf_boxes(i, 0);
         stored.fill(leaf);
         return leaf.bounds();
     }
     let (mut below, mut level) = upper.split_at_mut(leaves.div_ceil(LANES));
     let strip = Strip {
-        source,
+        set: source.set,
         i,
         first: 0,
         leaves,
@@ -79,8 +79,8 @@ pub(super) fn refit_curve<S: Leaves>(
 }
 
 /// Consecutive leaves of a curve, with the groups one level above.
-struct Strip<'a, S> {
-    source: S,
+struct Strip<'a> {
+    set: &'a CurveSet,
     /// The curve.
     i: usize,
     /// First leaf.
@@ -92,7 +92,7 @@ struct Strip<'a, S> {
     stored: &'a mut [BoxGroup],
 }
 
-impl<S: Leaves> Strip<'_, S> {
+impl Strip<'_> {
     /// Refits the leaves and the level above. Splits the strip into tasks while it is large enough.
     fn refit(self) {
         if !refits_in_parallel(self.leaves * LANES) {
@@ -127,7 +127,7 @@ impl<S: Leaves> Strip<'_, S> {
             let count = (self.leaves - at).min(LANES);
             let leaves = &mut eight[..count];
             for (g, leaf) in leaves.iter_mut().enumerate() {
-                *leaf = self.source.boxes(self.i, self.first + at + g);
+                *leaf = self.set.leaf_boxes(self.i, self.first + at + g);
             }
             if !self.stored.is_empty() {
                 self.stored[at..at + count].copy_from_slice(leaves);

@@ -28,7 +28,8 @@ pub(crate) struct Trees {
 impl Trees {
     /// Refits all boxes to those of the leaves. Allocates only if the sizes of the curves have
     /// changed, or other curves have trees. Curves without a tree take no memory for boxes.
-    pub fn refit<S: Leaves>(&mut self, leaves: S) {
+    pub fn refit<'a>(&mut self, leaves: impl Into<Leaves<'a>>) {
+        let leaves = leaves.into();
         let has_tree = |(i, l): (usize, &Layout)| l.tree == leaves.has_tree(i);
         if !self.fit(leaves) || !self.layouts.iter().enumerate().all(has_tree) {
             self.lay_out(leaves);
@@ -37,8 +38,8 @@ impl Trees {
     }
 
     /// Computes the positions of all groups.
-    fn lay_out<S: Leaves>(&mut self, leaves: S) {
-        let curves = leaves.curves();
+    fn lay_out(&mut self, leaves: Leaves<'_>) {
+        let curves = leaves.set.curves();
         let all = (0..curves.len()).all(|i| leaves.has_tree(i));
         self.shared = if all { 0 } else { SHARED };
         self.layouts.clear();
@@ -59,14 +60,14 @@ impl Trees {
     }
 
     /// Refits the boxes of all curves with groups.
-    fn refit_all<S: Leaves>(&mut self, leaves: S) {
+    fn refit_all(&mut self, leaves: Leaves<'_>) {
         let groups = &mut self.groups[self.shared as usize..];
         refit_range(leaves, 0, &self.layouts, groups, &mut self.roots);
     }
 
     /// Returns true if the stored groups belong to curves of the same sizes.
-    fn fit<S: Leaves>(&self, leaves: S) -> bool {
-        let curves = leaves.curves();
+    fn fit(&self, leaves: Leaves<'_>) -> bool {
+        let curves = leaves.set.curves();
         let fits = |(l, c): (&Layout, &Curve)| {
             l.segments == c.segments && (!l.tree || l.leaves == leaves.stored())
         };
@@ -75,12 +76,13 @@ impl Trees {
 
     /// Refits the boxes of some curves, sorted. The boxes of other curves are unchanged, and may be
     /// those of an earlier frame.
-    pub fn refit_some<S: Leaves>(&mut self, leaves: S, curves: &[u32]) {
+    pub fn refit_some<'a>(&mut self, leaves: impl Into<Leaves<'a>>, curves: &[u32]) {
+        let leaves = leaves.into();
         let lacks = |&i: &u32| leaves.has_tree(i as usize) && !self.layouts[i as usize].tree;
         if !self.fit(leaves) || curves.iter().any(lacks) {
             return self.refit(leaves);
         }
-        if 4 * curves.len() > leaves.curves().len() {
+        if 4 * curves.len() > leaves.set.len() {
             return self.refit_all(leaves);
         }
         for &i in curves {
@@ -241,38 +243,13 @@ mod tests {
         }
     }
 
-    /// Boxes of the curves with an even number, or of all.
-    #[derive(Clone, Copy)]
-    struct Chosen<'a> {
-        set: &'a CurveSet,
-        all: bool,
-    }
-
-    impl Leaves for Chosen<'_> {
-        fn curves(&self) -> &[Curve] {
-            self.set.curves()
-        }
-
-        fn has_tree(&self, i: usize) -> bool {
-            self.all || i.is_multiple_of(2)
-        }
-
-        fn stored(&self) -> bool {
-            Leaves::stored(&self.set)
-        }
-
-        fn boxes(&self, i: usize, g: usize) -> BoxGroup {
-            self.set.leaf_boxes(i, g)
-        }
-    }
-
     #[test]
     fn curves_without_a_tree_take_no_boxes_and_are_empty() {
-        let counts: Vec<i32> = (0..400).map(|i| [-15, -63, -15, -200][i % 4]).collect();
-        let points: i32 = counts.iter().map(|c| -c).sum();
+        let counts: Vec<i32> = (0..400).map(|i| [-15, 64, -15, 201][i % 4]).collect();
+        let points: i32 = counts.iter().map(|c| c.abs()).sum();
         let xyz: Vec<f32> = (0..3 * points).map(|k| (k as f32).sin()).collect();
         let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap();
-        let [all, some] = [true, false].map(|all| Chosen { set: &set, all });
+        let [all, some] = [true, false].map(|open| Leaves { set: &set, open });
         let mut trees = Trees::default();
         trees.refit(all);
         let whole = trees.bytes();

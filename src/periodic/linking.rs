@@ -27,10 +27,9 @@ use crate::curve::{
 };
 use crate::discretize::{self, Halving, Separation, sort_splits};
 use crate::error::{Error, Result};
-use crate::incremental::{Coverage, Covered};
 use crate::kernels::Linking;
 use crate::kernels::crossings::{self, Direction, Input, Workspaces};
-use crate::pairs::{Trees, closest_of_segments};
+use crate::pairs::{Leaves, Trees, closest_of_segments};
 use crate::verdict::{DefectKind, Place};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -84,12 +83,8 @@ pub(crate) fn linking_numbers(
 
 /// Returns the trees of all curves of a set, open ones included.
 fn trees_of(set: &CurveSet) -> Trees {
-    let coverage = Coverage {
-        open_curves: true,
-        self_crossings: false,
-    };
     let mut trees = Trees::default();
-    trees.refit(Covered::new(set, coverage));
+    trees.refit(Leaves { set, open: true });
     trees
 }
 

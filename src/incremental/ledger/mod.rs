@@ -234,13 +234,13 @@ impl Ledger {
             before.same_layout(after),
             "both frames must have the same curves"
         );
-        let covered = |set| Covered { set, coverage };
         let curves = pairs.map(|pairs| curves_of(pairs.iter().copied()));
-        self.trees.refit(frames, covered, curves.as_deref());
+        self.trees
+            .refit(frames, coverage.open_curves, curves.as_deref());
         self.pairs.clear();
         match pairs {
             Some(pairs) => self.pairs.extend_from_slice(pairs),
-            None => self.find_pairs(covered(before)),
+            None => self.find_pairs(Covered::new(before, coverage)),
         }
         let step = Step {
             frames,

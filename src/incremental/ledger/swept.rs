@@ -119,15 +119,10 @@ fn slack(frames: [&CurveSet; 2]) -> f32 {
 }
 
 impl SweptTrees {
-    /// Computes the boxes of both frames, of which `leaves` has the segments: of these curves, or
-    /// of all. All calls must have the same leaves of the same frame. The boxes of the first frame
-    /// are kept from the last call if it ended in that frame.
-    pub fn refit<'a, S: Leaves>(
-        &mut self,
-        frames: [&'a CurveSet; 2],
-        leaves: impl Fn(&'a CurveSet) -> S,
-        curves: Option<&[u32]>,
-    ) {
+    /// Computes the boxes of both frames: of these curves, or of all closed curves, and of open
+    /// ones if `open` is set, which must be the same in all calls. The boxes of the first frame are
+    /// kept from the last call if it ended in that frame.
+    pub fn refit(&mut self, frames: [&CurveSet; 2], open: bool, curves: Option<&[u32]>) {
         let [before, after] = frames.map(CurveSet::contents);
         let continued = self.boxed == Some(before);
         if continued {
@@ -137,8 +132,8 @@ impl SweptTrees {
         let both = self.trees.iter_mut().zip(frames);
         for (trees, set) in both.skip(usize::from(continued)) {
             match curves {
-                Some(curves) => trees.refit_some(leaves(set), curves),
-                None => trees.refit(leaves(set)),
+                Some(curves) => trees.refit_some(Leaves { set, open }, curves),
+                None => trees.refit(Leaves { set, open }),
             }
         }
         self.slack = slack(frames);

@@ -82,7 +82,7 @@ impl Reference {
         let images = subject.translated().cloned();
         let mut trees = Trees::default();
         let covered = Covered::new(&set, coverage);
-        trees.refit(covered);
+        trees.refit(covered.leaves());
         let sample = Sample::new(&given, coverage.open_curves);
         let allowances = Allowances::new(covered, &trees, filter, limit);
         let (mut allowances, neighbours) = allowances.fill(&certificate)?;
