@@ -143,8 +143,8 @@ impl Basis {
             ],
             Basis::BSpline => [
                 bspline_knot(q0, q1, q2),
-                (T::from(2) * q1 + q2) * T::inverse(3),
-                (q1 + T::from(2) * q2) * T::inverse(3),
+                (T::from(2u8) * q1 + q2) * T::inverse(3),
+                (q1 + T::from(2u8) * q2) * T::inverse(3),
                 bspline_knot(q1, q2, q3),
             ],
             Basis::Bezier => [q0, q1, q2, q3],
@@ -155,13 +155,13 @@ impl Basis {
 /// Returns the point of a uniform cubic B-spline beside its control point `b`, on one axis.
 #[inline(always)]
 pub(crate) fn bspline_knot<T: Real>(a: T, b: T, c: T) -> T {
-    (a + T::from(4) * b + c) * T::inverse(6)
+    (a + T::from(4u8) * b + c) * T::inverse(6)
 }
 
 /// A cubic segment, given by its four Bezier control points.
 pub(crate) type Bezier = [Point; 4];
 
-/// A floating-point type in which bounds are computed.
+/// A floating-point type of coordinates, in which bounds are computed.
 pub(crate) trait Real:
     Copy
     + PartialOrd
@@ -170,17 +170,55 @@ pub(crate) trait Real:
     + Mul<Output = Self>
     + Div<Output = Self>
     + From<u8>
+    + From<f32>
+    + Into<f64>
     + Default
 {
     /// Returns `1 / n`, rounded.
     #[inline(always)]
     fn inverse(n: u8) -> Self {
-        Self::from(1) / Self::from(n)
+        Self::from(1u8) / Self::from(n)
+    }
+
+    /// Returns the bit pattern of the largest magnitude.
+    fn largest(values: &[Self]) -> u64;
+    /// Returns the number with this bit pattern.
+    fn from_magnitude(bits: u64) -> f64;
+    /// Returns the bit pattern of the largest finite magnitude that is not above `limit`.
+    fn bits_within(limit: f64) -> u64;
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn largest(values: &[Self]) -> u64 {
+        let largest = values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m));
+        u64::from(largest)
+    }
+
+    fn from_magnitude(bits: u64) -> f64 {
+        f32::from_bits(bits as u32).into()
+    }
+
+    fn bits_within(limit: f64) -> u64 {
+        // The limits are powers of two, or beyond single precision.
+        u64::from((limit.min(f32::MAX.into()) as f32).to_bits())
     }
 }
 
-impl Real for f32 {}
-impl Real for f64 {}
+impl Real for f64 {
+    #[inline(always)]
+    fn largest(values: &[Self]) -> u64 {
+        values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m))
+    }
+
+    fn from_magnitude(bits: u64) -> f64 {
+        f64::from_bits(bits)
+    }
+
+    fn bits_within(limit: f64) -> u64 {
+        limit.min(f64::MAX).to_bits()
+    }
+}
 
 /// Returns the bounds of eight consecutive segments of a uniform cubic basis on one axis, given
 /// their eleven control points: the minimum and the maximum of [`Basis::hull`].

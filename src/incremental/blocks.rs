@@ -13,7 +13,7 @@ pub(super) const VALUES: usize = 3 * BLOCK;
 pub(super) const CHUNK: usize = 8;
 
 /// Operations on a floating-point type of coordinates.
-pub(super) trait Real: curve::Real + From<f32> + Send + Sync {
+pub(super) trait Real: curve::Real + Send + Sync {
     /// Half a unit in the last place of 1.
     const U: f64;
     /// The largest finite number.

@@ -330,7 +330,7 @@ fn edges_may_meet(frames: [&CurveSet; 2], curves: [usize; 2], segments: [u32; 2]
 /// the differences between their places, mapped back to the reference frame, and their places
 /// there.
 #[inline(always)]
-fn bounds<T: Real + Into<f64>>(
+fn bounds<T: Real>(
     affine: &Affine,
     p: &[Vec<T>; 3],
     q: &[Vec<T>; 3],

@@ -9,7 +9,7 @@ use super::blocks::{BLOCK, CHUNK, Real, VALUES};
 use super::packed::{Packed, PackedCondition};
 use super::reference::Reference;
 use crate::curve::vector::per_axis;
-use crate::curve::{Bad, Positions, Received, Scalar, largest_within, smaller};
+use crate::curve::{Bad, Positions, Received, largest_within, smaller};
 use crate::simd::{Simd, dispatch_wide, prefetch};
 use rayon::prelude::*;
 
@@ -122,7 +122,7 @@ pub(super) fn compare(
     }
 }
 
-fn compare_all<T: Real + Scalar>(
+fn compare_all<T: Real>(
     reference: &Reference,
     affine: Option<&Affine>,
     (p, q): (&[T], &[T]),
@@ -204,7 +204,7 @@ struct Part<'a, T> {
     largest: u64,
 }
 
-impl<T: Real + Scalar> Pass<'_, T> {
+impl<T: Real> Pass<'_, T> {
     /// Copies and compares a part.
     #[inline(always)]
     fn part<S: Simd>(&self, simd: S, part: &mut Part<'_, T>) -> Result<(), Bad> {

@@ -2,7 +2,7 @@
 //!
 //! A frame in which nothing moved far needs no arrays. Its positions are only compared.
 
-use super::basis::bspline_knot;
+use super::basis::{Real, bspline_knot};
 use super::curve::{Curve, slots_of, slots_of_all};
 use super::received::Received;
 use super::vector::per_axis;
@@ -86,45 +86,6 @@ impl Coordinates {
     }
 }
 
-/// A type of coordinates.
-pub(crate) trait Scalar: Copy + Into<f64> + Default {
-    /// Returns the bit pattern of the largest magnitude.
-    fn largest(values: &[Self]) -> u64;
-    /// Returns the number with this bit pattern.
-    fn from_magnitude(bits: u64) -> f64;
-    /// Returns the bit pattern of the largest finite magnitude that is not above `limit`.
-    fn bits_within(limit: f64) -> u64;
-}
-
-impl Scalar for f32 {
-    #[inline(always)]
-    fn largest(values: &[Self]) -> u64 {
-        let largest = values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m));
-        u64::from(largest)
-    }
-
-    fn from_magnitude(bits: u64) -> f64 {
-        f32::from_bits(bits as u32).into()
-    }
-    fn bits_within(limit: f64) -> u64 {
-        // The limits are powers of two, or beyond single precision.
-        u64::from((limit.min(f32::MAX.into()) as f32).to_bits())
-    }
-}
-
-impl Scalar for f64 {
-    #[inline(always)]
-    fn largest(values: &[Self]) -> u64 {
-        values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m))
-    }
-    fn from_magnitude(bits: u64) -> f64 {
-        f64::from_bits(bits)
-    }
-    fn bits_within(limit: f64) -> u64 {
-        limit.min(f64::MAX).to_bits()
-    }
-}
-
 /// Knots of one curve in a coordinate frame `(u, v, w)`. The type and the stride are matched once,
 /// before many knots are read.
 #[derive(Clone, Copy)]
@@ -190,12 +151,7 @@ impl<T: Copy + Into<f64>> ReadKnots for Computed<'_, T> {
 /// Spreads positions, `x y z x y z ..`, over three arrays, with the slots around the points of each
 /// curve ([`finish_curve`]). Returns the largest magnitude.
 #[inline(always)]
-fn write_curves<T: Scalar>(
-    dst: &mut [Vec<T>; 3],
-    curves: &[Curve],
-    basis: Basis,
-    src: &[T],
-) -> f64 {
+fn write_curves<T: Real>(dst: &mut [Vec<T>; 3], curves: &[Curve], basis: Basis, src: &[T]) -> f64 {
     let (mut rest, mut largest) = (src, 0);
     for c in curves {
         let (own, after) = rest.split_at(3 * c.points as usize);
@@ -217,7 +173,7 @@ fn write_curves<T: Scalar>(
 /// curve stores at its ends, including the padding of its last row. The padding of an open curve is
 /// 0.
 #[inline(always)]
-fn finish_curve<T: Scalar>(dst: &mut [T], c: &Curve, basis: Basis) {
+fn finish_curve<T: Real>(dst: &mut [T], c: &Curve, basis: Basis) {
     let (first, n) = (c.first as usize, c.points as usize);
     let body = first + basis.lead(c.closed);
     let (end, slots) = (body + n, slots_of(basis, c.segments as usize));

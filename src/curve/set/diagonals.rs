@@ -1,11 +1,11 @@
 //! Extents of small polylines along the diagonals of the coordinate planes.
 
+use super::basis::Real;
 use super::boxes::{above, below, larger, smaller};
-use super::coordinates::{Coordinates, Scalar};
+use super::coordinates::Coordinates;
 use super::vector::per_axis;
 use super::{Basis, CurveSet, pow2};
 use crate::simd::{LANES, Lanes};
-use std::ops::{Add, Sub};
 
 /// Extent of a curve along the six diagonals of the coordinate planes: `x + y`, `x - y`, `y + z`,
 /// `y - z`, `z + x` and `z - x`. A ring that is not parallel to an axis plane fills its bounding
@@ -80,7 +80,7 @@ impl CurveSet {
 /// Returns the bounds of points, whose coordinates are full rows. `below` and `above` round a sum
 /// outward.
 #[inline(always)]
-fn bounds<L: Lanes, T: Scalar + PartialOrd + Add<Output = T> + Sub<Output = T>>(
+fn bounds<L: Lanes, T: Real>(
     simd: L,
     axes: [&[T]; 3],
     below: impl Fn(T) -> f32,

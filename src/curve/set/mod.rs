@@ -22,7 +22,7 @@ pub(crate) use super::labels::CurveChange;
 pub(crate) use bounds::{AXES, bounds, boxes_apart, union};
 pub(crate) use boxes::{Box3, BoxGroup, above, below, larger, smaller};
 pub use builder::CurveSetBuilder;
-pub(crate) use coordinates::{Coordinates, Knots, ReadKnots, Scalar};
+pub(crate) use coordinates::{Coordinates, Knots, ReadKnots};
 pub use curve::Curve;
 pub(crate) use curve::count_of;
 pub(crate) use diagonals::Diagonals;

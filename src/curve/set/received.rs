@@ -1,6 +1,6 @@
 //! Positions that a set owns, and curves as numbers that can be stored.
 
-use super::coordinates::Scalar;
+use super::basis::Real;
 use super::{Basis, CurveSet, Positions, Precision};
 use crate::error::Error;
 use crate::simd::dispatch;
@@ -82,7 +82,7 @@ impl Received {
 }
 
 #[inline(always)]
-fn append<T: Scalar>(to: &mut Vec<T>, from: &[T], limit: u64) -> Result<(), Bad> {
+fn append<T: Real>(to: &mut Vec<T>, from: &[T], limit: u64) -> Result<(), Bad> {
     to.reserve(from.len());
     for part in from.chunks(PART) {
         let at = to.len();
@@ -99,7 +99,7 @@ fn append<T: Scalar>(to: &mut Vec<T>, from: &[T], limit: u64) -> Result<(), Bad>
 /// with its magnitude, and the patterns of infinities and NaN are larger than all others. So one
 /// maximum gives the range and the check.
 #[inline(always)]
-pub(crate) fn largest_within<T: Scalar>(raw: &[T], limit: u64, first: usize) -> Result<u64, Bad> {
+pub(crate) fn largest_within<T: Real>(raw: &[T], limit: u64, first: usize) -> Result<u64, Bad> {
     let largest = T::largest(raw);
     if largest > limit {
         let above = |v: &T| T::largest(&[*v]) > limit;

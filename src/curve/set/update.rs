@@ -1,6 +1,5 @@
 //! Updates the positions of a set of curves, whose layout stays the same.
 
-use super::coordinates::Scalar;
 use super::received::{Bad, Received, largest_within};
 use super::{CurveSet, Positions, Real, pow2};
 use crate::error::{Error, Result};

@@ -142,10 +142,7 @@ impl Step<'_> {
     }
 
     #[inline(always)]
-    fn moved<T>(&self, ranges: &Ranges, q: &[T], p: &[T]) -> Displacements
-    where
-        T: Real + From<f32> + Into<f64>,
-    {
+    fn moved<T: Real>(&self, ranges: &Ranges, q: &[T], p: &[T]) -> Displacements {
         let mut extremes = Extremes::none();
         for [from, to] in ranges.map(|ends| ends.map(|point| 3 * point as usize)) {
             if from < to {
@@ -198,7 +195,7 @@ struct Extremes<T> {
     hi: [T; 24],
 }
 
-impl<T: Real + From<f32> + Into<f64>> Extremes<T> {
+impl<T: Real> Extremes<T> {
     /// Returns the extremes of no differences. Larger ones than these numbers only widen the range.
     fn none() -> Extremes<T> {
         Extremes {
