@@ -31,22 +31,23 @@ use crate::curve::{CurveSet, Point};
 use direct::Scale;
 use rayon::prelude::*;
 
-/// Builds the trees of the closed polylines for which `some` holds, from their points, scaled so
-/// that coordinates are below 1. Other curves have no linking numbers, and get `None`.
-fn trees_of<T: Send>(
+/// Makes something of each closed polyline for which `some` holds, a tree for example, from its
+/// points, scaled so that coordinates are below 1. Other curves have no linking numbers, and get
+/// `None`.
+fn of_polylines<T: Send>(
     set: &CurveSet,
     some: impl Fn(u32) -> bool + Sync,
-    tree: impl Fn(&[Point]) -> T + Sync,
+    make: impl Fn(&[Point]) -> T + Sync,
 ) -> Vec<Option<T>> {
     let scale = Scale::new(set.max_abs());
     let polyline = set.basis().is_polyline();
-    let trees = (0..set.len()).into_par_iter().map(|i| {
+    let made = (0..set.len()).into_par_iter().map(|i| {
         let curve = set.curve(i);
         let fits = polyline && curve.closed && curve.points > 0 && some(i as u32);
         let points = || set.points_in(i).map(|p| p.map(|x| scale.apply(x)));
-        fits.then(|| tree(&points().collect::<Vec<Point>>()))
+        fits.then(|| make(&points().collect::<Vec<Point>>()))
     });
-    trees.collect()
+    made.collect()
 }
 
 /// Runs two parts of the work on a tree, in parallel tasks if it is large.

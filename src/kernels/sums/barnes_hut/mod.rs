@@ -21,7 +21,7 @@ mod tests;
 mod trees;
 
 use super::descent::{Descent, NodePair, Sum};
-use super::{Estimate, Summation, trees_of};
+use super::{Estimate, Summation, of_polylines};
 use crate::curve::CurveSet;
 use crate::curve::vector::{dot, per_axis};
 use crate::pairs::Pair;
@@ -101,7 +101,7 @@ impl BarnesHut {
     pub fn new(set: &CurveSet, options: Options) -> BarnesHut {
         BarnesHut {
             options,
-            trees: trees_of(set, |_| true, Tree::of).into(),
+            trees: of_polylines(set, |_| true, Tree::of).into(),
         }
     }
 

@@ -1,8 +1,9 @@
 //! Scaled vertices of closed polylines, the input of sums.
 
 use super::block::Strip;
-use crate::curve::{CurveSet, pow2};
-use std::ops::Range;
+use crate::curve::vector::per_axis;
+use crate::curve::{CurveSet, Point, pow2};
+use crate::kernels::sums::of_polylines;
 
 /// Vertices of all closed polylines of a set in double precision. The first vertex of each curve is
 /// repeated at its end. All coordinates are scaled by one power of two, so that they lie between -1
@@ -12,10 +13,9 @@ use std::ops::Range;
 /// by `2^-1075`.
 #[derive(Debug)]
 pub(crate) struct Vertices {
-    axes: [Vec<f64>; 3],
-    /// Range of vertices of each curve. Empty if the curve has no linking numbers: an open curve,
-    /// or a spline.
-    curves: Vec<Range<usize>>,
+    /// Vertices of each curve, as an array for each axis. `None` if the curve has no linking
+    /// numbers: an open curve, or a spline.
+    strips: Vec<Option<[Vec<f64>; 3]>>,
     pub scale: Scale,
 }
 
@@ -41,29 +41,19 @@ impl Scale {
 impl Vertices {
     /// Copies the vertices of all closed polylines.
     pub fn new(set: &CurveSet) -> Vertices {
-        let scale = Scale::new(set.max_abs());
-        let mut axes = [0; 3].map(|_| Vec::with_capacity(set.points() + set.len()));
-        let mut curves = Vec::with_capacity(set.len());
-        for (i, curve) in set.curves().iter().enumerate() {
-            let start = axes[0].len();
-            if curve.closed && set.basis().is_polyline() {
-                for (x, to) in axes.iter_mut().enumerate() {
-                    to.extend(set.points_in(i).map(|p| scale.apply(p[x])));
-                    to.push(to[start]);
-                }
-            }
-            curves.push(start..axes[0].len());
-        }
+        let strip = |points: &[Point]| {
+            let closed = points.iter().chain(points.first());
+            per_axis(|x| closed.clone().map(|p| p[x]).collect())
+        };
         Vertices {
-            axes,
-            curves,
-            scale,
+            strips: of_polylines(set, |_| true, strip),
+            scale: Scale::new(set.max_abs()),
         }
     }
 
     /// Returns the vertices of curve `i` if it is a closed polyline.
     pub fn of(&self, i: usize) -> Option<Strip<'_>> {
-        let range = self.curves.get(i).filter(|range| !range.is_empty())?;
-        Some(self.axes.each_ref().map(|v| &v[range.clone()]))
+        let strip = self.strips.get(i)?.as_ref()?;
+        Some(strip.each_ref().map(|v| &v[..]))
     }
 }

@@ -30,7 +30,7 @@ mod tree;
 mod walk;
 
 use super::descent::{Descent, Sum};
-use super::{Estimate, Summation, trees_of};
+use super::{Estimate, Summation, of_polylines};
 use crate::cancel::Cancel;
 use crate::curve::CurveSet;
 use crate::pairs::{Pair, curves_of};
@@ -102,7 +102,7 @@ impl Fmm {
     pub fn of_some(set: &CurveSet, some: impl Fn(u32) -> bool + Sync, options: Options) -> Fmm {
         Fmm {
             options,
-            trees: trees_of(set, some, |points| Tree::of(points, true)),
+            trees: of_polylines(set, some, |points| Tree::of(points, true)),
             cancel: None,
         }
     }
