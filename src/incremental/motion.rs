@@ -359,6 +359,7 @@ mod tests {
     use crate::curve::{Basis, Point, Positions};
     use crate::incremental::Coverage;
     use crate::incremental::ledger::Ledger;
+    use crate::incremental::reference::MOST_NEAR;
     use crate::random::Random;
     use std::f64::consts::TAU;
     use std::sync::Arc;
@@ -420,12 +421,11 @@ mod tests {
             };
             let frames = [moved(&mut r), moved(&mut r)];
             let reference = Reference::build(
+                (MOST_NEAR, &Cancel::default()),
                 &set(&rings).into(),
                 Arc::default(),
                 0,
-                coverage,
-                None,
-                &Cancel::default(),
+                (coverage, None),
             )
             .unwrap();
             let affines = frames

@@ -289,6 +289,7 @@ mod tests {
     use crate::cancel::Cancel;
     use crate::curve::{Basis, CurveSet};
     use crate::incremental::Coverage;
+    use crate::incremental::reference::MOST_NEAR;
     use crate::random::Random;
     use crate::simd::{Portable, dispatch};
     use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -324,12 +325,11 @@ mod tests {
         }
         let set = set(&xyz, single);
         let mut reference = Reference::build(
+            (MOST_NEAR, &Cancel::default()),
             &set.into(),
             Arc::default(),
             0,
-            Coverage::default(),
-            None,
-            &Cancel::default(),
+            (Coverage::default(), None),
         )
         .unwrap();
         let mut allowances = vec![f32::INFINITY; reference.set.points()];

@@ -2,7 +2,7 @@
 //! references.
 
 use super::ledger::tests::planted::{Plant, PlantedStep, planted_step};
-use super::reference::Reference;
+use super::reference::{MOST_NEAR, Reference};
 use super::{Coverage, Events, Route};
 use crate::cancel::Cancel;
 use crate::curve::{Basis, CurveSet, Positions};
@@ -285,12 +285,11 @@ fn reference_speed() {
                 let start = Instant::now();
                 let build = || {
                     Reference::build(
+                        (MOST_NEAR, &Cancel::default()),
                         &set.into(),
                         Arc::new(certificate),
                         0,
-                        coverage,
-                        None,
-                        &Cancel::default(),
+                        (coverage, None),
                     )
                     .unwrap()
                 };

@@ -56,7 +56,7 @@ const BATCH: usize = 1024;
 
 /// Maximum number of near pairs of blocks, of which each needs up to 40 bytes. Yarn has about ten
 /// per block; the strands of a wound ball, which are all near one another, have thousands.
-pub(super) const MOST_NEAR: usize = 1 << 24;
+pub const MOST_NEAR: usize = 1 << 24;
 
 /// Number of new entries after which a list of near blocks is compacted.
 const COMPACT: usize = 1 << 20;

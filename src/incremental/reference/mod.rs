@@ -7,7 +7,8 @@ mod neighbours;
 #[cfg(test)]
 mod tests;
 
-use self::allowances::{Allowances, MOST_NEAR};
+use self::allowances::Allowances;
+pub(super) use self::allowances::MOST_NEAR;
 pub(super) use self::neighbours::{Block, Neighbours};
 use super::affine::Sample;
 use super::blocks::CHUNK;
@@ -57,21 +58,8 @@ pub(super) struct Reference {
 impl Reference {
     /// Builds a reference frame from a frame and its linking numbers: for the pairs of a filter, or
     /// for all. Returns `None` if it is cancelled, or if too many of its segments are near one
-    /// another: the memory for them is limited.
+    /// another: the memory for them is limited to this number of near pairs of blocks.
     pub fn build(
-        subject: &Frame,
-        certificate: Arc<Certificate>,
-        frame: u64,
-        coverage: Coverage,
-        filter: Option<&PairFilter>,
-        cancel: &Cancel,
-    ) -> Option<Reference> {
-        let limit = (MOST_NEAR, cancel);
-        Reference::build_within(limit, subject, certificate, frame, (coverage, filter))
-    }
-
-    /// [`Reference::build`] with at most this number of near pairs of blocks.
-    fn build_within(
         limit: (usize, &Cancel),
         subject: &Frame,
         certificate: Arc<Certificate>,
