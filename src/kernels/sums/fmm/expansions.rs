@@ -1,9 +1,10 @@
 //! Moments of the nodes of a curve.
 
 use super::harmonics::{Lanes, add_segments, add_shifted, count};
-use super::norms::Norms;
-use super::tree::{Ball, GRAIN, LEAF, Tree};
+use super::norms;
+use super::tree::{Ball, GRAIN, Tree, segments_of};
 use crate::curve::vector::per_axis;
+use crate::kernels::sums::barnes_hut::Node;
 use crate::kernels::sums::join;
 use crate::simd::dispatch;
 use std::ops::Range;
@@ -23,17 +24,22 @@ pub(super) struct Expansions {
     pub least: u32,
     /// Moments of all nodes: `P`, then `T`, of each node.
     moments: Vec<f64>,
-    pub norms: Norms,
+    /// Norms of all nodes, in units of the node.
+    norms: Vec<f64>,
 }
 
 impl Expansions {
     /// Returns the upper bounds of the norms, without moments.
     pub fn outline(tree: &Tree, order: usize) -> Expansions {
+        let mut norms = vec![0.0; tree.balls.len() * norms::width(order)];
+        if !norms.is_empty() {
+            norms::outline(tree, order, tree.root(), &mut norms);
+        }
         Expansions {
             order,
             least: 0,
             moments: Vec::new(),
-            norms: Norms::outline(order, tree),
+            norms,
         }
     }
 
@@ -42,15 +48,13 @@ impl Expansions {
         let nodes = tree.balls.len();
         self.least = least.max(1);
         self.moments = vec![0.0; 2 * count(self.order) * nodes];
-        let leaves = nodes.div_ceil(2);
         let build = Build {
             tree,
             order: self.order,
-            least: self.least as usize,
+            least: self.least,
         };
-        if leaves >= build.least {
-            let norms = &mut self.norms.values;
-            build.node([0, 0, leaves], &mut self.moments, norms);
+        if tree.root().leaves >= build.least {
+            build.node(tree.root(), &mut self.moments, &mut self.norms);
         }
     }
 
@@ -62,52 +66,58 @@ impl Expansions {
             .get(place * size..(place + 1) * size)
             .unwrap_or(&[])
     }
+
+    /// Returns the norms of `P` and of `T` of a node, from degree 1 on.
+    #[inline(always)]
+    pub fn norms_of(&self, place: usize) -> [&[f64]; 2] {
+        let width = norms::width(self.order);
+        let both = &self.norms[place * width..][..width];
+        let (p, t) = both.split_at(self.order + 1);
+        [p, t]
+    }
 }
 
 /// Common data of all nodes of a tree during the construction.
 struct Build<'a> {
     tree: &'a Tree,
     order: usize,
-    least: usize,
+    least: u32,
 }
 
 impl Build<'_> {
-    /// Computes the moments of a subtree, given by its place, first leaf and number of leaves.
-    fn node(&self, [place, first, leaves]: [usize; 3], moments: &mut [f64], norms: &mut [f64]) {
+    /// Computes the moments of a subtree.
+    fn node(&self, node: Node, moments: &mut [f64], norms: &mut [f64]) {
         let order = self.order;
-        let (size, width) = (2 * count(order), Norms::width(order));
+        let (size, width) = (2 * count(order), norms::width(order));
         let (own, below) = moments.split_at_mut(size);
         let (own_norms, norms_below) = norms.split_at_mut(width);
-        let ball = self.tree.balls[place];
-        let half = leaves / 2;
-        let at = [
-            [place + 1, first, half],
-            [place + 2 * half, first + half, leaves - half],
-        ];
-        let both = half >= self.least;
-        if leaves > 1 && leaves - half >= self.least {
-            let (left, right) = below.split_at_mut((2 * half - 1) * size);
-            let (norms_left, norms_right) = norms_below.split_at_mut((2 * half - 1) * width);
+        let ball = self.tree.balls[node.place as usize];
+        let [a, b] = node.children();
+        let both = a.leaves >= self.least;
+        if !node.is_leaf() && b.leaves >= self.least {
+            let nodes = (b.place - a.place) as usize;
+            let (left, right) = below.split_at_mut(nodes * size);
+            let (norms_left, norms_right) = norms_below.split_at_mut(nodes * width);
             let lower = || {
                 if both {
-                    self.node(at[0], left, norms_left);
+                    self.node(a, left, norms_left);
                 }
             };
-            let upper = || self.node(at[1], right, norms_right);
-            join(leaves > GRAIN, lower, upper);
+            let upper = || self.node(b, right, norms_right);
+            join(node.leaves as usize > GRAIN, lower, upper);
         }
-        if leaves <= DIRECT || !both {
-            let range = first * LEAF..(first + leaves) * LEAF;
+        if node.leaves as usize <= DIRECT || !both {
+            let range = segments_of(node);
             dispatch!(expand(self.tree, order, range, &ball, &mut *own));
         } else {
-            for place in [at[0][0], at[1][0]] {
-                let child = self.tree.balls[place];
-                let moments = &below[(place - at[0][0]) * size..][..size];
+            for Node { place, .. } in [a, b] {
+                let child = self.tree.balls[place as usize];
+                let moments = &below[(place - a.place) as usize * size..][..size];
                 let r = per_axis(|x| (child.centre[x] - ball.centre[x]) / ball.size);
                 add_shifted(order, moments, child.size / ball.size, r, own);
             }
         }
-        Norms::tighten(order, &ball, own, own_norms);
+        norms::tighten(order, &ball, own, own_norms);
     }
 }
 

@@ -10,80 +10,49 @@
 use super::bound::ROUNDING;
 use super::harmonics::at;
 use super::interact::FACTORIALS;
-use super::tree::{Ball, GRAIN, LEAF, Tree};
+use super::tree::{Ball, GRAIN, Tree, segments_of};
+use crate::kernels::sums::barnes_hut::Node;
 use crate::kernels::sums::join;
 use crate::simd::dispatch;
 use std::ops::Range;
-
-/// Norms of all nodes of a tree: of `P`, then of `T`, for degrees 1 to one above the order.
-#[derive(Clone, Debug)]
-pub(super) struct Norms {
-    order: usize,
-    pub values: Vec<f64>,
-}
 
 /// Returns the factor `(n - k)! (n + k)!`, doubled for `k > 0`.
 fn weight(n: usize, k: usize) -> f64 {
     FACTORIALS[n - k] * FACTORIALS[n + k] * if k == 0 { 1.0 } else { 2.0 }
 }
 
-impl Norms {
-    /// Returns the number of norms of a node.
-    pub const fn width(order: usize) -> usize {
-        2 * (order + 1)
-    }
+/// Returns the number of norms of a node: of `P`, then of `T`, for degrees 1 to one above the
+/// order.
+pub(super) const fn width(order: usize) -> usize {
+    2 * (order + 1)
+}
 
-    /// Returns the norms of `P` and of `T` from degree 1 on, in units of the node.
-    #[inline(always)]
-    pub fn of(&self, place: usize) -> [&[f64]; 2] {
-        let width = Norms::width(self.order);
-        let both = &self.values[place * width..][..width];
-        let (p, t) = both.split_at(self.order + 1);
-        [p, t]
-    }
-
-    /// Returns upper bounds of the norms, from the segments of the nodes.
-    pub fn outline(order: usize, tree: &Tree) -> Norms {
-        let nodes = tree.balls.len();
-        let mut norms = Norms {
-            order,
-            values: vec![0.0; nodes * Norms::width(order)],
-        };
-        if nodes > 0 {
-            outline(tree, order, [0, 0, nodes.div_ceil(2)], &mut norms.values);
-        }
-        norms
-    }
-
-    /// Lowers the norms of a node to those of its moments.
-    pub fn tighten(order: usize, ball: &Ball, moments: &[f64], out: &mut [f64]) {
-        let (length, radius) = (ball.length / ball.size, ball.radius / ball.size);
-        let (p, t) = moments.split_at(super::harmonics::count(order));
-        let (out_p, out_t) = out.split_at_mut(order + 1);
-        let mut power = 1.0;
-        for n in 1..=order {
-            let [most_p, most_t] = most(n, length * power, radius);
-            // The moments have a rounding error relative to their maximum.
-            out_p[n - 1] = out_p[n - 1].min((norm(p, n) + ROUNDING * most_p) * UP);
-            out_t[n - 1] = out_t[n - 1].min((norm(t, n) + ROUNDING * most_t) * UP);
-            power *= radius;
-        }
+/// Lowers the norms of a node to those of its moments.
+pub(super) fn tighten(order: usize, ball: &Ball, moments: &[f64], out: &mut [f64]) {
+    let (length, radius) = (ball.length / ball.size, ball.radius / ball.size);
+    let (p, t) = moments.split_at(super::harmonics::count(order));
+    let (out_p, out_t) = out.split_at_mut(order + 1);
+    let mut power = 1.0;
+    for n in 1..=order {
+        let [most_p, most_t] = most(n, length * power, radius);
+        // The moments have a rounding error relative to their maximum.
+        out_p[n - 1] = out_p[n - 1].min((norm(p, n) + ROUNDING * most_p) * UP);
+        out_t[n - 1] = out_t[n - 1].min((norm(t, n) + ROUNDING * most_t) * UP);
+        power *= radius;
     }
 }
 
-/// Computes upper bounds of the norms in a subtree, given by its place, first leaf and number of
-/// leaves.
-fn outline(tree: &Tree, order: usize, [place, first, leaves]: [usize; 3], out: &mut [f64]) {
-    let (own, below) = out.split_at_mut(Norms::width(order));
-    if leaves > 1 {
-        let half = leaves / 2;
-        let (left, right) = below.split_at_mut((2 * half - 1) * Norms::width(order));
-        let lower = || outline(tree, order, [place + 1, first, half], left);
-        let at = [place + 2 * half, first + half, leaves - half];
-        let upper = || outline(tree, order, at, right);
-        join(leaves > GRAIN, lower, upper);
+/// Computes upper bounds of the norms in a subtree, from the segments of its nodes.
+pub(super) fn outline(tree: &Tree, order: usize, node: Node, out: &mut [f64]) {
+    let (own, below) = out.split_at_mut(width(order));
+    if !node.is_leaf() {
+        let [a, b] = node.children();
+        let (left, right) = below.split_at_mut((b.place - a.place) as usize * width(order));
+        let lower = || outline(tree, order, a, left);
+        let upper = || outline(tree, order, b, right);
+        join(node.leaves as usize > GRAIN, lower, upper);
     }
-    let ball = &tree.balls[place];
+    let ball = &tree.balls[node.place as usize];
     let (length, radius) = (ball.length / ball.size, ball.radius / ball.size);
     let (own_p, own_t) = own.split_at_mut(order + 1);
     let mut power = 1.0;
@@ -91,8 +60,7 @@ fn outline(tree: &Tree, order: usize, [place, first, leaves]: [usize; 3], out: &
         [own_p[n - 1], own_t[n - 1]] = most(n, length * power, radius).map(|x| x * UP);
         power *= radius;
     }
-    let range = first * LEAF..(first + leaves) * LEAF;
-    let integral = dispatch!(powers(order, tree, range, ball)).min(length * power);
+    let integral = dispatch!(powers(order, tree, segments_of(node), ball)).min(length * power);
     [own_p[order], own_t[order]] = most(order + 1, integral, radius).map(|x| x * UP);
 }
 

@@ -11,6 +11,7 @@ use crate::curve::vector::{norm, per_axis, sub};
 use crate::curve::{Point, bounds, union};
 use crate::kernels::sums::barnes_hut::Node;
 use crate::kernels::sums::join;
+use std::ops::Range;
 
 /// Number of segments of a leaf.
 pub(super) const LEAF: usize = 16;
@@ -83,7 +84,7 @@ impl Tree {
         segments.resize(leaves * LEAF, filler);
         let ends = [0, 1].map(|e| per_axis(|x| segments.iter().map(|s| s.ends[e][x]).collect()));
         let mut balls = vec![Ball::default(); (2 * leaves).saturating_sub(1)];
-        enclose(&ends, 0, leaves, &mut balls);
+        enclose(&ends, Node::root(leaves as u32), &mut balls);
         Tree {
             ends,
             balls,
@@ -95,6 +96,11 @@ impl Tree {
     pub fn root(&self) -> Node {
         Node::root(self.balls.len().div_ceil(2) as u32)
     }
+}
+
+/// Returns the range of the segments of a node.
+pub(super) fn segments_of(node: Node) -> Range<usize> {
+    node.first as usize * LEAF..(node.first + node.leaves) as usize * LEAF
 }
 
 /// Sorts segments into leaves, and within a leaf by their index, so that neighbours share end
@@ -125,24 +131,23 @@ fn sort(segments: &mut [Segment], leaves: usize) {
 type Extent = [Point; 2];
 
 /// Computes the balls of a subtree. Returns its bounding box.
-fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [Ball]) -> Extent {
+fn enclose(ends: &[[Vec<f64>; 3]; 2], node: Node, balls: &mut [Ball]) -> Extent {
     let Some((ball, below)) = balls.split_first_mut() else {
         return [[0.0; 3]; 2];
     };
-    let range = first * LEAF..(first + leaves) * LEAF;
+    let range = segments_of(node);
     let end = |e: usize, k: usize| per_axis(|x| ends[e][x][k]);
     let extent;
-    if leaves == 1 {
+    if node.is_leaf() {
         extent = bounds(range.clone().flat_map(|k| [end(0, k), end(1, k)]));
         let length = |k: usize| norm(sub(end(1, k), end(0, k)));
         ball.length = range.clone().map(length).sum();
     } else {
-        let half = leaves / 2;
-        let (left, right) = below.split_at_mut(2 * half - 1);
-        let lower = || enclose(ends, first, half, left);
-        let upper = || enclose(ends, first + half, leaves - half, right);
-        let (a, b) = join(leaves > GRAIN, lower, upper);
-        extent = union(a, b);
+        let [a, b] = node.children();
+        let (left, right) = below.split_at_mut((b.place - a.place) as usize);
+        let (lower, upper) = (|| enclose(ends, a, left), || enclose(ends, b, right));
+        let (lower, upper) = join(node.leaves as usize > GRAIN, lower, upper);
+        extent = union(lower, upper);
         ball.length = left[0].length + right[0].length;
     }
     let centre = per_axis(|x| 0.5 * extent[0][x] + 0.5 * extent[1][x]);

@@ -3,7 +3,7 @@
 use super::bound::{Bounding, WIDEST};
 use super::expansions::Expansions;
 use super::interact::{BATCH, Buffers, Side, interact};
-use super::tree::{Ball, FILLER, LEAF, Tree};
+use super::tree::{Ball, FILLER, Tree, segments_of};
 use crate::cancel::Cancel;
 use crate::curve::Point;
 use crate::kernels::sums::barnes_hut::{Angles, Bounds, Node};
@@ -170,8 +170,7 @@ impl<'a> Walk<'a> {
                 }
             } else if t.is_leaf() && u.is_leaf() {
                 let [first, second] = self.trees;
-                let range = |n: Node| n.first as usize * LEAF..(n.first as usize + 1) * LEAF;
-                let (ends, ranges) = ([&first.ends, &second.ends], [range(t), range(u)]);
+                let (ends, ranges) = ([&first.ends, &second.ends], [t, u].map(segments_of));
                 if self.own {
                     let numbers = &first.numbers;
                     let skipped = |k: usize, at: usize| {
@@ -229,8 +228,8 @@ impl Descent for Walk<'_> {
             return None;
         }
         let norms = [
-            expansions[0].norms.of(t.place as usize),
-            expansions[1].norms.of(u.place as usize),
+            expansions[0].norms_of(t.place as usize),
+            expansions[1].norms_of(u.place as usize),
         ];
         let bounds = self.bounding.bounds(balls, norms, distance, q)?;
         let fits = match self.criterion {
