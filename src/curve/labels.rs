@@ -94,7 +94,7 @@ pub(crate) fn words_of_curve(i: u32, names: &[String]) -> String {
 
 /// Change of the curves between two frames: some appeared, some are gone, others may have another
 /// index.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CurveChange {
     /// Number of curves before.
     pub before: usize,
@@ -139,10 +139,7 @@ impl CurveChange {
             origins: after.names.iter().map(index).collect(),
             appeared: after.names.iter().filter(is_new).cloned().collect(),
             gone: before.names.iter().filter(is_gone).cloned().collect(),
-            opened: Vec::new(),
-            closed: Vec::new(),
-            resized: Vec::new(),
-            returned: Vec::new(),
+            ..CurveChange::default()
         })
     }
 
