@@ -78,9 +78,8 @@ impl Tree {
         let nodes = (2 * leaves).saturating_sub(1);
         let mut reach = vec![Reach::default(); nodes];
         let mut moments = vec![Moments::ZERO; nodes];
-        if nodes > 0 {
-            build(&vertices, 0, leaves, &mut reach, &mut moments);
-        }
+        let root = Node::root(leaves as u32);
+        build(&vertices, root, &mut reach, &mut moments);
         Tree {
             vertices,
             reach,
@@ -96,8 +95,7 @@ impl Tree {
 /// Builds a subtree. Returns its bounding box.
 fn build(
     vertices: &[Vec<f64>; 3],
-    first: usize,
-    leaves: usize,
+    node: Node,
     reach: &mut [Reach],
     moments: &mut [Moments],
 ) -> [Point; 2] {
@@ -106,16 +104,17 @@ fn build(
     else {
         return [[0.0; 3]; 2];
     };
-    if leaves == 1 {
-        return build_leaf(vertices, first * LEAF, reach, own);
+    if node.is_leaf() {
+        return build_leaf(vertices, node.first as usize * LEAF, reach, own);
     }
-    let half = leaves / 2;
-    let (left, right) = below.split_at_mut(2 * half - 1);
-    let (moments_left, moments_right) = moments_below.split_at_mut(2 * half - 1);
-    let build_left = || build(vertices, first, half, left, moments_left);
-    let build_right = || build(vertices, first + half, leaves - half, right, moments_right);
-    let (a, b) = join(leaves > GRAIN, build_left, build_right);
-    let extent = union(a, b);
+    let [a, b] = node.children();
+    let nodes = (b.place - a.place) as usize;
+    let (left, right) = below.split_at_mut(nodes);
+    let (moments_left, moments_right) = moments_below.split_at_mut(nodes);
+    let build_left = || build(vertices, a, left, moments_left);
+    let build_right = || build(vertices, b, right, moments_right);
+    let (left_box, right_box) = join(node.leaves as usize > GRAIN, build_left, build_right);
+    let extent = union(left_box, right_box);
     let parts = [(&left[0], &moments_left[0]), (&right[0], &moments_right[0])];
     let length = parts[0].0.length + parts[1].0.length;
     let shares = match length > 0.0 {
