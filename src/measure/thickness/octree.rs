@@ -343,17 +343,7 @@ impl Octree {
 
 /// Moves bit `k` of a number to bit `3 k`.
 fn spread(number: u64) -> u64 {
-    let mut x = number & ((1 << MOST_BITS) - 1);
-    for (shift, mask) in [
-        (32, 0x001f_0000_0000_ffff),
-        (16, 0x001f_0000_ff00_00ff),
-        (8, 0x100f_00f0_0f00_f00f),
-        (4, 0x10c3_0c30_c30c_30c3),
-        (2, 0x1249_2492_4924_9249),
-    ] {
-        x = (x | x << shift) & mask;
-    }
-    x
+    (0..MOST_BITS).fold(0, |x, k| x | (number >> k & 1) << (3 * k))
 }
 
 #[cfg(test)]
