@@ -1,16 +1,16 @@
-//! Affine frame of a motion: a rigid motion, rotation or stretch of the whole scene changes no
-//! linking number.
+//! Affine map from a reference frame to a later frame. A rigid motion, rotation or stretch of the
+//! whole scene changes no linking number, so the map removes it before points are compared.
 
 use crate::curve::{Cell, CurveSet, Positions};
 use nalgebra::{Matrix3, Vector3};
 
-/// Number of points to which the affine frame is fitted: enough to follow the scene at a negligible
+/// Number of points to which the affine map is fitted: enough to follow the scene at a negligible
 /// cost.
 const SAMPLES: usize = 1024;
 
-/// Relative excess by which points may exceed their allowances without losing the separation.
-/// Allowances use a share of 0.49 of each gap. With this excess, two points use less than twice
-/// 0.4974, so there is a margin for rounding.
+/// Relative amount by which displacements may exceed the allowances without a contact of curves.
+/// Two allowances add up to at most twice 0.49 of a gap. With this excess, they add up to less than
+/// twice 0.4974 of it, which leaves a margin for rounding.
 const FREE: f64 = 0.015;
 
 /// Number of consecutive points that are sampled together, because they share cache lines.
@@ -29,13 +29,12 @@ pub(super) struct Affine {
 
 impl Affine {
     /// Returns the least-squares map from a sample of the reference frame to its positions in a
-    /// frame. Returns `None` if the map would flatten or mirror the scene.
+    /// later frame. Returns `None` if the map would flatten or mirror the scene.
     ///
-    /// The positions may be unchecked, and may change meanwhile: conclusions from the map are valid
-    /// for every map.
+    /// The positions may be unchecked, and another process may change them during the call:
+    /// conclusions from the map are valid for every map, and a poor fit only proves less.
     ///
-    /// If the points lie in a plane or on a line, `M` is the identity across it. A poor fit only
-    /// allows fewer conclusions.
+    /// If the points lie in a plane or on a line, `M` is the identity across it.
     pub fn fit(sample: &Sample, to: Positions<'_>) -> Option<Affine> {
         let share = 1.0 / sample.points.len() as f64;
         let mut mean = Vector3::zeros();
@@ -51,9 +50,10 @@ impl Affine {
         Affine::new(m, sample.mean + mean - m * sample.mean)
     }
 
-    /// Returns the least-squares map of a periodic scene. It maps the lattice vectors of the first
-    /// cell, of the reference frame, to those of the second one, so that what it says of a curve is
-    /// true of all its images. Along directions without repetition it is that of [`Affine::fit`].
+    /// Returns the least-squares map of a periodic scene. It maps the lattice vectors of the cell
+    /// of the reference frame (`cells[0]`) to those of the cell of the later frame, so that it maps
+    /// the images of a curve like the curve itself. Along axes that are not periodic, it is the map
+    /// of [`Affine::fit`].
     pub fn fit_in_cell(sample: &Sample, to: Positions<'_>, cells: [&Cell; 2]) -> Option<Affine> {
         let free = Affine::fit(sample, to)?;
         let [from, now] = cells.map(|cell| cell.vectors.map(Vector3::from));
@@ -66,9 +66,10 @@ impl Affine {
         Affine::new(m, mean - m * sample.mean)
     }
 
-    /// Returns a bound of the deviation from straight lines, as a share of the length of a path, of
-    /// points that move on straight lines at constant speed between two frames, seen in the space
-    /// of the reference frame. Returns `None` if the maps of the two frames are too different.
+    /// Returns a bound of the curvature of paths in the space of the reference frame. Points move
+    /// on straight lines at constant speed between two frames, but each frame has its own map, so
+    /// the mapped paths are curved. The bound is the deviation from a straight line, as a share of
+    /// the length of the path. Returns `None` if the maps of the two frames are too different.
     ///
     /// # Derivation
     ///
@@ -114,7 +115,7 @@ impl Affine {
 
     /// Returns the map if it is well conditioned and preserves the orientation.
     pub fn new(m: Matrix3<f64>, t: Vector3<f64>) -> Option<Affine> {
-        // The decompositions below need not end for other numbers.
+        // The inverse and the singular values of infinite or NaN entries may not terminate.
         if !m.iter().chain(t.iter()).all(|x| x.is_finite()) {
             return None;
         }
@@ -131,7 +132,7 @@ impl Affine {
     }
 
     /// Returns the largest absolute row sum of `M`, an upper bound of the factor by which `M`
-    /// enlarges the largest coordinate.
+    /// enlarges the largest coordinate of a point.
     pub fn largest_row(&self) -> f64 {
         let sums = self.m.row_iter().map(|row| row.abs().sum());
         sums.fold(0.0, f64::max)

@@ -3,13 +3,13 @@
 
 use crate::curve::{self, pow2};
 
-/// Number of points in a block, which is compressed as a whole.
+/// Number of points in a block. All points of a block are compressed together.
 pub(super) const BLOCK: usize = 64;
 
 /// Number of coordinates of a block.
 pub(super) const VALUES: usize = 3 * BLOCK;
 
-/// Number of points in a chunk, which is marked as a whole.
+/// Number of points in a chunk. If one of them moved too far, the whole chunk is marked.
 pub(super) const CHUNK: usize = 8;
 
 /// Operations on a floating-point type of coordinates.

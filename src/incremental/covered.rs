@@ -1,4 +1,4 @@
-//! Pairs of segments, and curves, that a reference frame or a ledger covers.
+//! Coverage: the curves and the pairs of segments that a reference frame or a ledger examines.
 
 use crate::curve::CurveSet;
 use crate::pairs::Leaves;

@@ -2,7 +2,7 @@
 //! between frames.
 //!
 //! ```text
-//! frame as received ─▶ affine frame ─▶ one pass: copy, check, compare ─┬▶ quiet: as the reference
+//! frame as received ─▶ affine map ───▶ one pass: copy, check, compare ─┬▶ quiet: as the reference
 //!                         (affine)        (stream)                     └▶ otherwise:
 //! previous and current frame ─▶ pairs near a moved part (motion), or all pairs
 //!                            ─▶ ledger ─▶ pull-throughs, pairs that may have changed (partial)

@@ -1,4 +1,5 @@
-//! Monitor of the reference frame: compares later frames with it, and decides when a new one pays.
+//! Monitor of the reference frame: compares later frames with it, and decides when a new one is
+//! worth its cost.
 
 use super::affine::Affine;
 use super::covered::Coverage;
@@ -17,19 +18,19 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-/// Share of moved chunks above which a search of all pairs costs less than one near these chunks.
-/// Measured on a knitted glove (`study frames --diameter 0.1 --motions smooth`): a tenth of the
-/// chunks costs half of a search of all pairs.
+/// Share of moved chunks above which a search of all pairs costs less than a search near the moved
+/// chunks. Measured on a knitted glove (`study frames --diameter 0.1 --motions smooth`): if a tenth
+/// of the chunks moved, the search near them costs half as much as a search of all pairs.
 const MANY_CHUNKS: f64 = 0.15;
 
-/// Number of moved chunks up to which a search near them always pays.
+/// Number of moved chunks up to which a search near them always costs less.
 const FEW_CHUNKS: usize = 16;
 
-/// Share of moved chunks above which a new reference frame may pay.
+/// Share of moved chunks above which a new reference frame may save time.
 const STALE: f64 = 0.005;
 
-/// Maximum number of frames between two reference frames if they do not pay. Minimum if the last
-/// one was given up.
+/// Maximum back-off, in frames, after reference frames that saved no time. Minimum back-off after a
+/// build that was given up.
 const MAX_BACKOFF: u64 = 256;
 
 /// Back-off after a reference frame that was no better than the one before, in frames per frame
@@ -37,7 +38,7 @@ const MAX_BACKOFF: u64 = 256;
 /// memory.
 const BACKOFF: u64 = 16;
 
-/// Maximum number of frames that are received before they are verified.
+/// Maximum number of received frames whose surveys are kept until the frames are verified.
 const RECEIVED: usize = 4;
 
 /// Compares the frames of a scene with a reference frame.
@@ -57,18 +58,17 @@ pub(crate) struct Monitor {
     backoff: u64,
     /// Number of frames that passed while the last reference was built.
     build_frames: u64,
-    /// True if the last reference was better than the one before.
+    /// True if the last reference was better than the one before it.
     pays: bool,
     /// The previous frame and the current frame.
     previous: Survey,
     current: Survey,
-    /// Surveys of the frames that were received last and are not verified yet, oldest first, each
-    /// with the frame number of its reference.
+    /// Surveys of the received frames that are not verified yet, oldest first, each with the frame
+    /// number of its reference.
     received: VecDeque<(u64, Survey)>,
 }
 
-/// A thread that builds a reference frame. It ends soon if this is dropped, because nobody needs
-/// the frame any more.
+/// A thread that builds a reference frame. Dropping this value cancels the build.
 #[derive(Debug)]
 struct Build {
     thread: JoinHandle<Option<Reference>>,
@@ -88,9 +88,9 @@ impl Drop for Needed {
 /// Result of comparing the points of a frame with the reference frame.
 #[derive(Debug, Default)]
 struct Survey {
-    /// Number of the positions ([`CurveSet::contents`]), and the cell.
+    /// Identifier of the positions ([`CurveSet::contents`]), and the cell.
     contents: Option<(u64, Option<Cell>)>,
-    /// Affine frame of the scene. `None` if there is none, or if too many chunks moved.
+    /// Affine map from the reference frame. `None` if there is none, or if too many chunks moved.
     affine: Option<Affine>,
     /// Chunks of points with a point that moved further than its allowance.
     chunks: Vec<u32>,
@@ -138,8 +138,8 @@ impl Survey {
     }
 }
 
-/// Takes the survey of a frame, if it was received and compared with this reference frame. Discards
-/// those of earlier frames.
+/// Removes and returns the survey of a frame, if the frame was received and compared with this
+/// reference frame. Discards the surveys of earlier frames.
 fn take_survey(
     received: &mut VecDeque<(u64, Survey)>,
     reference: &Reference,
@@ -199,10 +199,10 @@ impl Monitor {
         Ok(())
     }
 
-    /// Compares the curves of a frame, as they are given, with the reference frame. Returns true if
-    /// all pairs have the linking numbers of the reference frame. A new baseline needs a new
-    /// monitor, and so do other images. `before` is the previous frame, for
-    /// [`Monitor::pairs_to_search`].
+    /// Compares the curves of a frame, without their images, with the reference frame. Returns true
+    /// if all pairs have the linking numbers of the reference frame. `before` is the previous
+    /// frame, for [`Monitor::pairs_to_search`]. If the baseline or the set of images changes, the
+    /// caller must create a new monitor.
     pub fn is_quiet(
         &mut self,
         before: Option<&Frame>,
@@ -224,7 +224,8 @@ impl Monitor {
         if let Some(built) = self.take_built(set, baseline) {
             self.adopt_if_better(built, (set, cell));
         }
-        // A frame between the two was rejected, or the reference frame is a new one.
+        // The previous survey is of another frame if a frame between the two was rejected, or if
+        // the reference frame is new.
         if let (Some(reference), Some(before)) = (&self.reference, before)
             && let given = before.given()
             && self.previous.contents != Some((given.contents(), before.cell().copied()))
@@ -239,7 +240,8 @@ impl Monitor {
         };
         work.blocks = reference.neighbours.blocks.len() as u64;
         work.reference_age = Some(self.frame - reference.frame);
-        // The linking numbers of a degenerate loop were not computed in the reference frame.
+        // A curve that is degenerate in the reference frame has no linking number there to compare
+        // with.
         let quiet = self.current.moved() == 0 && !reference.certificate.has_degenerate_curves();
         if quiet {
             work.route = Route::Quiet;
@@ -324,7 +326,7 @@ impl Monitor {
             pool.ok()?.install(reference)
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());
-        // Without a thread there is no reference, and every frame is computed in full.
+        // If the thread cannot start, there is no reference, and every frame is computed in full.
         let thread = thread.spawn(build).ok();
         self.build = thread.map(|thread| Build {
             thread,
@@ -384,8 +386,8 @@ impl Monitor {
         reference.given.same_layout(set).then_some(reference)
     }
 
-    /// Adopts a reference frame if fewer points of the current frame moved relative to it than
-    /// relative to the present one.
+    /// Adopts a reference frame if fewer points of the current frame moved too far from it than
+    /// from the present one.
     fn adopt_if_better(&mut self, built: Reference, (set, cell): (&CurveSet, Option<&Cell>)) {
         let survey = Survey::of(&built, set, cell);
         let present = self.reference.as_ref();

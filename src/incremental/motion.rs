@@ -3,13 +3,14 @@
 //!
 //! # Proof: neighbours stay apart
 //!
-//! Seen in the space of the reference frame, a control point is displaced by `d` from its place.
-//! Its displacements at both ends of a step are in a box, and at all times in between within
-//! `bend` times the diagonal of that box of it ([`Affine::bend`]). The points of the hulls of
-//! segments are combinations of control points with weights that add up to 1, so they are displaced
-//! by such combinations. For Catmull-Rom, whose weights have magnitudes of at most `4/3` in all,
-//! these are in the box enlarged about its centre by that factor. For the other bases, whose
-//! weights are not negative, they are in the box itself.
+//! Seen in the space of the reference frame, a control point is displaced by `d` from its position
+//! there. Its displacements at the two ends of a step lie in a box. At any time in between, the
+//! displacement is outside this box by at most `bend` times the diagonal ([`Affine::bend`]). The
+//! points of the hulls of segments are combinations of control points with weights that add up to
+//! 1, so their displacements are such combinations, too. For Catmull-Rom, the magnitudes of the
+//! weights add up to at most `4/3`, so the displacements are in the box enlarged about its centre
+//! by that factor. For the other bases, no weight is negative, and the displacements are in the box
+//! itself.
 //!
 //! Let `g` be a lower bound of the distance between two convex hulls in the reference frame, and
 //! `n` the unit vector between their nearest points. If no difference of a displacement in one box
@@ -40,7 +41,7 @@ use std::ops::Range;
 const GRAIN: usize = 256;
 
 /// Number of curves beyond the range of the list of neighbours up to which a search of all their
-/// pairs pays.
+/// pairs costs less than a search of all pairs of the scene.
 const FEW_STRAYS: usize = 4;
 
 /// Segments that moved further than their allowances in a step from one frame to another.
@@ -164,7 +165,8 @@ impl<'a> MovedBlocks<'a> {
         for (k, &a) in self.marked.iter().enumerate() {
             for b in neighbours.lists.of(a) {
                 let l = index[b.block as usize] as usize;
-                // Two marked blocks are neighbours of one another.
+                // A pair of two marked blocks appears twice, because each is a neighbour of the
+                // other.
                 if l < k {
                     continue;
                 }
@@ -258,7 +260,8 @@ impl<'a> MovedBlocks<'a> {
         let diagonal = square(per_axis(|x| hi[x] - lo[x])).sqrt();
         let enlarged = set.basis().overshoot();
         for x in 0..3 {
-            // The bend first: the control points themselves are displaced by that.
+            // The deviation by the bend comes first, because the control points themselves are
+            // displaced by it.
             lo[x] -= self.bend * diagonal;
             hi[x] += self.bend * diagonal;
             let more = enlarged * (hi[x] - lo[x]) * (1.0 + 1e-9);
@@ -268,10 +271,10 @@ impl<'a> MovedBlocks<'a> {
         Displacement { lo, hi }
     }
 
-    /// Returns the curves that are not proven to be monotonic at all times along each marked
-    /// segment together with its neighbours, if curves and themselves are covered. Along a
-    /// monotonic part, these do not pass through themselves or one another. Adjacent edges of a
-    /// polyline never do.
+    /// Returns the pairs `(i, i)` of the curves that may have folded: that are not proven to be
+    /// monotonic at all times along some marked segment together with its neighbours. Segments of a
+    /// monotonic part do not pass through themselves or one another. Empty if self-crossings are
+    /// not covered. Adjacent edges of a polyline never pass through one another.
     fn folded(&self) -> Vec<Pair> {
         let set = &self.reference.set;
         if !self.reference.coverage.self_crossings || set.basis().is_polyline() {

@@ -20,8 +20,9 @@ use crate::simd::{LANES, Simd};
 const U: f64 = f32::EPSILON as f64 / 2.0;
 const U_DOUBLE: f64 = f64::EPSILON / 2.0;
 
-/// Share of the bound of a block up to which a deviation of the map from a translation is
-/// subtracted from the bound, for a cheaper comparison.
+/// Maximum share of the bound of a block by which the map may deviate from a translation, so that
+/// the block is compared by the translation. The deviation is subtracted from the bound. This
+/// comparison is cheaper.
 const MAX_LOSS: f64 = 0.125;
 
 /// The points of a block in the reference frame: `origin + scale * offset`.

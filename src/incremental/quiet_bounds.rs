@@ -1,4 +1,4 @@
-//! Bounds of the curves of a quiet frame, known without reading its points.
+//! Bounds of the curves of a quiet frame, computed without reading its points.
 
 use super::affine::Affine;
 use super::reference::Reference;

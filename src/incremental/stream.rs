@@ -13,12 +13,13 @@ use crate::curve::{Bad, Positions, Received, largest_within, smaller};
 use crate::simd::{Simd, dispatch_wide};
 use rayon::prelude::*;
 
-/// Number of points per task, a multiple of the size of a block. The pass is bound by memory, so
-/// only very large frames gain from several threads. On a busy machine a second thread comes late.
+/// Number of points per task, a multiple of the size of a block. Memory bandwidth limits the pass,
+/// so only very large frames gain from several threads. On a busy machine, a second thread starts
+/// late.
 const GRAIN: usize = 1 << 19;
 
-/// Factor by which the largest coordinate of a frame may exceed that of the reference frame, mapped
-/// to the frame. A frame beyond it is not compared.
+/// Ratio of the largest coordinate of a frame to that of the reference frame, mapped to the frame,
+/// up to which the frame is compared.
 const LARGER: f64 = 1.5;
 
 /// Error of the coordinates of periodic images, relative to the size of the scene.
@@ -92,8 +93,8 @@ fn axes<T: Real>(values: &[T]) -> [[T; CHUNK]; 3] {
 
 /// Compares the points of a frame with a reference frame. Returns the chunks of points that contain
 /// a point that moved further than its allowance, in order. Stops comparing if it has found more
-/// than `limit` chunks. Returns `None` if the points were not compared: there is no affine frame,
-/// or coordinates are too large.
+/// than `limit` chunks. Returns `None` if the points were not compared, because there is no affine
+/// map, or because coordinates are too large.
 ///
 /// Copies the positions to `copy`, if given. Fails with the first value whose magnitude is not
 /// within `range`.
@@ -132,7 +133,8 @@ fn compare_all<T: Real>(
 ) -> Result<Option<Vec<u32>>, Bad> {
     let comparison = affine.and_then(|affine| Comparison::new(reference, affine, q));
     let pass = Pass {
-        // Blocks that satisfy the quick condition are not checked otherwise.
+        // Blocks that satisfy the quick condition skip the check of the range, so it is used only
+        // if it implies that values are within the range.
         comparison: comparison.filter(|_| range >= PackedCondition::LARGEST),
         range: T::bits_within(range),
         limit,
@@ -154,7 +156,8 @@ fn compare_all<T: Real>(
     match &mut parts[..] {
         [part] => run(part)?,
         parts => {
-            // In order, so that the first bad value is reported.
+            // All parts are collected in order, so that the first bad value of the frame is
+            // reported.
             let done: Vec<_> = parts.par_iter_mut().map(run).collect();
             done.into_iter().collect::<Result<(), Bad>>()?;
         }
@@ -165,8 +168,8 @@ fn compare_all<T: Real>(
     Ok(compared.then(|| parts.into_iter().flat_map(|part| part.found).collect()))
 }
 
-/// Number of coordinates that are copied at once, then compared from the second-level cache.
-/// Shorter copies are slower.
+/// Number of coordinates that are copied at once, and then compared while they are in the
+/// second-level cache. Shorter copies are slower.
 const SLAB: usize = 64 * VALUES;
 
 /// A comparison with a reference frame.
@@ -257,7 +260,7 @@ impl<'a, T: Real> Comparison<'a, T> {
         }
     }
 
-    /// Adds the moved chunks of a block, tested with uncompressed points and allowances.
+    /// Adds the moved chunks of a block to `found`. Tests the uncompressed points and allowances.
     fn chunks(&self, first: usize, values: &[T], found: &mut Vec<u32>) {
         if self.packed.get(first / BLOCK).is_some_and(Packed::is_free) {
             return;
@@ -266,7 +269,7 @@ impl<'a, T: Real> Comparison<'a, T> {
         let allowances = self.allowances[first..].chunks(CHUNK);
         let points = values.chunks(3 * CHUNK).zip(reference).zip(allowances);
         for (k, ((p, q), allowances)) in points.enumerate() {
-            // The last chunk is padded with points that have not moved.
+            // Pads the last chunk with points whose allowance is infinite.
             let mut padded = [f32::INFINITY; CHUNK];
             padded[..allowances.len()].copy_from_slice(allowances);
             if self.condition.slack(&axes(p), &axes(q), &padded) < T::default() {

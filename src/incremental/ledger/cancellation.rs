@@ -1,5 +1,7 @@
-//! Cancellation of passages with opposite signs at the same time and place, and pull-throughs that
-//! the frames are too far apart to resolve: those that cancel and moved further than the limit.
+//! Cancellation of passages of one pair of curves. Two passages with opposite signs at the same
+//! time and place are one tie, counted twice, and are removed. Two opposite passages at different
+//! times or places are unresolved if both moved further than the limit, because the frames are too
+//! far apart.
 
 use crate::curve::vector::{half_difference, hypot, mix};
 use crate::curve::{Curve, Point};
@@ -12,14 +14,15 @@ pub(super) struct LocatedPassage {
     pub event: PullThrough,
     /// Position along each curve, in segments from its start.
     pub along: [f64; 2],
-    /// True if only the translated edges are known to pass through one another.
+    /// True if the edges touch without a clear passage, so that only the infinitesimally translated
+    /// edges pass through one another.
     pub tie: bool,
 }
 
-/// Times closer than this may be equal: the error of each is at most half of it.
+/// Times that differ by less than this may be equal: the error of each is at most half of it.
 const TIME: f64 = 2e-9;
 
-/// Places closer than this, in segments, may be equal.
+/// Positions along a curve that differ by less than this, in segments, may be equal.
 const PLACE: f64 = 1e-6;
 
 /// Removes pairs of opposite passages of one pair of curves at the same time and place. Sorts the
@@ -62,8 +65,8 @@ pub(super) fn cancel(found: &mut Vec<LocatedPassage>, curves: [Curve; 2]) {
     found.retain(|_| cancelled.next() == Some(false));
 }
 
-/// Returns the indices of passages that cancel in pairs and moved further than the limit. Prefers
-/// those that moved furthest.
+/// Returns the indices of passages that moved further than the limit and cancel in pairs of
+/// opposite signs. If one sign has more of them than the other, prefers those that moved furthest.
 pub(super) fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<usize> {
     let event = |k: usize| &passages[k];
     let [forward, backward] = [1, -1].map(|sign| {
@@ -76,8 +79,9 @@ pub(super) fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<us
     pairs.flat_map(|(a, b)| [a, b]).collect()
 }
 
-/// Returns the relative motion of points of two pieces in a step, in lengths of the longest of
-/// their segments in both frames, given as polylines.
+/// Returns how far a point of one piece moves relative to a point of the other piece in a step, in
+/// lengths of the longest of their segments. `segments` has these segments in both frames, as
+/// polylines.
 pub(super) fn motion_in_lengths<'a>(
     frames: [&Edges; 2],
     at: [f64; 2],

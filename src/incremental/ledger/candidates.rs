@@ -12,13 +12,13 @@ use crate::simd::{LANES, Lanes, Portable, dispatch};
 use std::ops::Range;
 use std::sync::atomic::Ordering;
 
-/// Number of gathered candidates after which they are tested.
+/// Number of candidates that are gathered before they are tested.
 const BATCH: usize = 4096;
 
-/// Number of visited node pairs after which candidates are tested, however few.
+/// Number of node pairs that are visited before the candidates are tested, even if there are few.
 const STEPS: usize = 4096;
 
-/// Number of such rounds after which a task shares the rest of its work.
+/// Number of rounds of visits and tests after which a task splits the rest of its agenda in two.
 const ROUNDS: usize = 3;
 
 /// Number of segments of a leaf.
@@ -37,13 +37,13 @@ pub(super) struct Gathered {
     pub found: Findings,
 }
 
-/// A part of the visits of a task.
+/// Work of a task: pairs of nodes or segments that it visits.
 enum Visit {
     /// Descendants of the node pairs of the agenda.
     Agenda,
     /// Blocks of a curve, each with itself.
     Blocks(Range<u32>),
-    /// All leaves of two small curves, of which these are the numbers.
+    /// All leaves of two small curves, with the number of leaves of each.
     Leaves([u32; 2]),
 }
 
@@ -72,7 +72,7 @@ impl Task<'_> {
         self.visit(Visit::Agenda, gathered);
     }
 
-    /// Makes a part of the visits.
+    /// Visits pairs, and tests the candidates among them.
     fn visit(&self, visit: Visit, gathered: &mut Gathered) {
         dispatch!(simd => Self::visit_with(self, simd, visit, gathered))
     }
@@ -154,8 +154,8 @@ impl Task<'_> {
         self.test_candidates(gathered);
     }
 
-    /// Visits the segments of a block of a curve, with one another and (splines) with themselves
-    /// and their successors.
+    /// Visits the pairs of segments within a block of a curve. For splines, these include each
+    /// segment with itself and with the next one.
     #[inline(always)]
     fn visit_block<L: Lanes>(&self, simd: L, block: u32, gathered: &mut Gathered) {
         let first = block * BLOCK;
@@ -181,7 +181,7 @@ impl Task<'_> {
             .add_turns(first..last, after, &mut gathered.near);
     }
 
-    /// Makes two parts of the visits in parallel. The second part has a separate agenda.
+    /// Makes two visits in parallel. The second one has `agenda` as its node pairs.
     #[cold]
     fn visit_both(&self, gathered: &mut Gathered, [mine, others]: [Visit; 2], agenda: Agenda) {
         let mut other = Gathered {

@@ -149,9 +149,9 @@ impl Contacts {
     /// of the step, sorted by pair. An undecided pair has none in `found`: its contacts are
     /// discarded, and the sums of those that the next step finds are unknown.
     ///
-    /// Adds to `out` the passages through contacts that ended, those of them whose sum is unknown,
-    /// and one contact for each pair of curves that touches in the last frame, except joints of the
-    /// first frame.
+    /// Adds to `out` an event for each passage through a contact that ended, an undecided pair for
+    /// each contact that ended with an unknown sum, and one contact for each pair of curves that
+    /// touches in the last frame, except joints of the first frame.
     pub(super) fn follow(&self, found: &[Contact], frames: [&CurveSet; 2], out: &mut Outcome) {
         for found in found.chunk_by(|a, b| a.pair() == b.pair()) {
             let pair = found[0].pair();

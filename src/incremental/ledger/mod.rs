@@ -132,7 +132,7 @@ impl Ledger {
         }
     }
 
-    /// Ends a search early if one of these says so.
+    /// Sets the cancellation and the pair limit, which end a search early.
     pub fn end_with(&mut self, (cancel, limit): (Cancel, PairLimit)) {
         self.search.limit = limit;
         self.cancel = cancel;
@@ -148,7 +148,8 @@ impl Ledger {
     ///
     /// `contacts` are those of the first frame, as found by the previous step. If `pairs` (sorted)
     /// is given, only these pairs of curves and those in contact are searched (`(i, i)`: a curve
-    /// and itself), as far as the filter has them. The caller knows that no other pair has one.
+    /// and itself), except pairs that the filter excludes. The caller must know that no other pair
+    /// has a passage.
     ///
     /// # Panics
     ///
@@ -179,7 +180,8 @@ impl Ledger {
         let within = outcome.events.len();
         contacts.follow(&found.contacts, frames, outcome);
         if outcome.events.len() > within {
-            // Those that began in a contact may cancel others of their pair.
+            // The passages of contacts that ended may cancel others of their pair, so all passages
+            // are classified again.
             let mut all = std::mem::take(&mut outcome.events);
             all.append(&mut outcome.unresolved);
             all.sort_by_key(|e| (e.i, e.j));
@@ -248,7 +250,7 @@ impl Ledger {
         let pairs = &self.pairs[..];
         let size = pool::pairs_per_task(pairs.len(), before.segments());
         let count = pairs.len().div_ceil(size);
-        // Taken out, so that a panic leaves no findings of this step in them.
+        // Taken out of `self`, so that a panic discards the incomplete findings of this step.
         let mut parts = std::mem::take(&mut self.parts);
         parts.resize_with(count, Part::default);
         parts

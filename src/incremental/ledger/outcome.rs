@@ -15,10 +15,10 @@ pub(crate) struct Outcome {
     pub events: Vec<PullThrough>,
     /// Passages that cancel within their pair and moved further than the limit, in the same order.
     pub unresolved: Vec<PullThrough>,
-    /// Undecided pairs, sorted by pair. Their polylines do not represent them in one of the frames
-    /// because they are too close, or they have too many candidates; or a curve touches itself in a
-    /// way that cannot be distinguished from a passage. The second curve equals the first one for a
-    /// curve and itself.
+    /// Undecided pairs, sorted by pair. Either the curves are too close in one of the frames, so
+    /// that polylines cannot represent the splines; or the pair has too many candidates; or a curve
+    /// touches itself in a way that cannot be distinguished from a passage. For a curve and itself,
+    /// the second curve equals the first one.
     pub undecided: Vec<Defect>,
     /// Nonzero sums of the signs of two closed curves, sorted by pair. Contacts in a frame are not
     /// included.
@@ -48,8 +48,8 @@ impl Outcome {
         }
     }
 
-    /// Returns the outcome with other indices: curve `i` becomes `curves[i]`. They are ascending.
-    /// The contacts in the last frame, and the pairs of near splines, are discarded.
+    /// Returns the outcome with other indices: curve `i` becomes `curves[i]`, and `curves` is
+    /// ascending. Discards the contacts in the last frame and the pairs of near splines.
     pub fn with_curves(mut self, curves: &[u32]) -> Outcome {
         let index = |i: &mut u32| *i = curves[*i as usize];
         for e in self.events.iter_mut().chain(&mut self.unresolved) {
@@ -108,8 +108,8 @@ impl Outcome {
     }
 
     /// Returns the pairs of closed curves for which the change of the linking number differs from
-    /// the sum of their passages. There are none unless something is wrong. Pairs without a linking
-    /// number in a frame, and undecided pairs, are skipped.
+    /// the sum of their passages. Any such pair shows an error of linkwatch. Pairs without a
+    /// linking number in a frame, and undecided pairs, are skipped.
     ///
     /// Both frames are given by their comparisons with one baseline.
     pub fn check(&self, before: &Comparison, after: &Comparison) -> Vec<Pair> {

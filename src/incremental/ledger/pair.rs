@@ -15,9 +15,8 @@ use crate::verdict::{Defect, DefectKind, Link, PullThrough};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Maximum number of candidates of one pair of curves. Beyond it the pair counts as too close: if
-/// everything may have passed through everything, a list of passages is useless. About half a
-/// second.
+/// Maximum number of candidates of one pair of curves. Beyond it the pair counts as too close,
+/// because a list of millions of passages would be useless. The limit takes about half a second.
 const MAX_CANDIDATES: u64 = 1 << 24;
 
 /// Maximum number of tested pairs of pieces of splines that need more pieces than usual, for one
@@ -49,7 +48,7 @@ pub(super) struct Task<'a> {
     pub separation: MovingSeparation<'a>,
     /// Bound of the rounding of the coordinates of polylines ([`CurveSet::rounding`]).
     pub rounding: f64,
-    /// Moves with the curves.
+    /// Observer that moves with both curves ([`super::swept`]).
     observer: Observer,
     /// Work counters of all tasks of the pair.
     pub candidates: AtomicU64,
@@ -127,7 +126,8 @@ impl<'a> Task<'a> {
     }
 }
 
-/// Findings of one task, or of all: the contacts at both ends of the step are not followed yet.
+/// Findings of one task, or of all tasks. Contacts at both ends of the step are listed, but not yet
+/// followed ([`Contacts::follow`](super::Contacts::follow)).
 #[derive(Debug, Default)]
 pub(super) struct Part {
     pub outcome: Outcome,
@@ -135,7 +135,7 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// Takes the findings of another part, which keeps its buffers.
+    /// Moves the findings of another part to this one. The other part keeps its buffers.
     pub fn append(&mut self, part: &mut Part) {
         let (all, own) = (&mut self.outcome, &mut part.outcome);
         all.events.append(&mut own.events);
@@ -151,7 +151,7 @@ impl Part {
 /// Two segments of a pair that is too near to decide.
 pub(super) struct TooNear {
     pub segments: [u32; 2],
-    /// False if the passages of the pair are unknown. Otherwise splines were searched in pieces so
+    /// False if the passages of the pair are unknown. True if splines were searched in pieces so
     /// long that passages that cancel may be missed.
     pub searched: bool,
 }

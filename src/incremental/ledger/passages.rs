@@ -182,7 +182,7 @@ impl Task<'_> {
         }
     }
 
-    /// Adds the passages of two pieces of spline segments.
+    /// Adds the passages of two pieces of spline segments to `found`.
     fn add_pieces(&self, [s, t]: [u32; 2], pieces: [&[Vertex]; 2], found: &mut Findings) {
         if self.are_joined([s, t], pieces) {
             return;
@@ -231,7 +231,7 @@ impl Task<'_> {
             lengths: self.relative_motion([before, after], p.at, segments),
         };
         if let Some(Joint { points, rests }) = self.joint([before, after], segments) {
-            // A common end of pieces of one spline is no joint.
+            // A common end of two pieces of one spline is not a joint of two curves.
             if !self.splines() {
                 let contact = |f: usize| Contact {
                     event: PullThrough {
@@ -317,8 +317,8 @@ impl Task<'_> {
 
     /// Returns true if the contact of two edges of one curve in a frame may be connected with pairs
     /// of edges that are not tested, that belong to another pair of parts, or that are tested with
-    /// the strands in the other order. That is so if the contact is at a vertex next to the other
-    /// edge, at the first vertex of a closed curve, or at the joint of two periods of a yarn.
+    /// the strands in the other order. This is the case if the contact is at a vertex next to the
+    /// other edge, at the first vertex of a closed curve, or at the joint of two periods of a yarn.
     fn reaches_neighbours(&self, parts: &Parts, f: usize, edges: &Edges, [s, t]: [u32; 2]) -> bool {
         let exact = (self.rounding != 0.0).then(|| self.exact_edges([s, t])[f]);
         // Ends: of the first edge, then of the second one.
@@ -342,7 +342,7 @@ impl Task<'_> {
     }
 
     /// Returns an end that two edges share in both frames. Rounded coordinates may be equal
-    /// although the exact ones are not, so these are compared if there are any.
+    /// although the exact coordinates differ, so exact sums are compared if there are any.
     #[inline(always)]
     fn joint(&self, frames: [&Edges; 2], segments: [u32; 2]) -> Option<Joint> {
         let ends = [(0, 0), (0, 1), (1, 0), (1, 1)];
@@ -359,7 +359,7 @@ impl Task<'_> {
         })
     }
 
-    /// [`Task::joint`] of exact sums: one of some pairs of ends.
+    /// Same as [`Task::joint`], for exact sums of coordinates: compares the given pairs of ends.
     #[cold]
     fn joint_of_sums(
         &self,
@@ -381,6 +381,6 @@ impl Task<'_> {
 struct Joint {
     /// Its position in both frames.
     points: [Point; 2],
-    /// True if the edges are the same in both frames.
+    /// True if the edges do not move.
     rests: bool,
 }

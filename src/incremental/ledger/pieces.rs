@@ -89,8 +89,8 @@ pub(super) struct Cuts {
 impl Cuts {
     /// Computes the splits of segments that are too near in one of the frames, and those of
     /// segments that may meet between the frames, which are halved up to `rounds` times. Returns
-    /// whether the latter suffice ([`MovingSeparation::refine`]), or two segments that are too
-    /// close in a frame to split.
+    /// true if these halvings suffice ([`MovingSeparation::refine`]). Fails with two segments that
+    /// are too close in a frame to be split.
     pub fn fill(
         &mut self,
         task: &Task<'_>,

@@ -20,23 +20,23 @@ use crate::curve::{CurveSet, Precision};
 use crate::pairs::Pair;
 use crate::verdict::DefectKind;
 
-/// Half-width of the interval around the first known passage that is tried first. Times are proven
-/// to `1e-9`.
+/// Half-width of the interval around the first known passage that is tried first. It exceeds the
+/// error bound of proven times, `1e-9`.
 const GUESS: f64 = 2e-9;
 
-/// Distance of a safe fraction and one that is not safe, at which the search ends.
+/// The search ends if a safe fraction and one that is not safe differ by at most this.
 const ACCURACY: f64 = 2e-7;
 
 /// Maximum number of searches of all pairs.
 const PROOFS: u32 = 4;
 
-/// Number of outcomes with pairs that are too close, after which the search ends: each may take
-/// very long.
+/// Number of outcomes with pairs that are too close after which the search ends, because each of
+/// them may take very long.
 const TOO_CLOSE: u32 = 4;
 
 impl Outcome {
-    /// Returns the pairs that passed through each other or are undecided, or that touch now, and
-    /// did not before.
+    /// Returns the pairs that make the step unsafe: they passed through each other, are undecided,
+    /// or came into contact during the step.
     fn unsafe_pairs(&self, before: &Contacts) -> Vec<Pair> {
         let known = before.pairs();
         let contacts = self.contacts.pairs().into_iter();
@@ -117,9 +117,9 @@ impl Ledger {
     }
 }
 
-/// Returns a number of this precision between 0 and `beyond` that is safe, with one that is not at
-/// most [`ACCURACY`] above it. Tries the guesses first, then bisects. Returns the largest safe
-/// number so far, or 0, once `is_safe` returns `None`.
+/// Returns a safe number of this precision from 0 up to `beyond`, such that some number at most
+/// [`ACCURACY`] above it is not safe. Tries the guesses first, then bisects. If `is_safe` returns
+/// `None`, ends and returns the largest safe number so far, or 0.
 fn last_safe(
     mut beyond: f64,
     guesses: &[f64],

@@ -17,8 +17,7 @@ use crate::simd::LANES;
 #[derive(Debug, Default)]
 pub(super) struct SweptTrees {
     trees: [Trees; 2],
-    /// Contents of the frame of which the second tree has the boxes of all curves
-    /// ([`CurveSet::contents`]).
+    /// The frame whose boxes the second tree has for all curves ([`CurveSet::contents`]).
     boxed: Option<u64>,
     roots: Vec<Box3>,
     /// Bound of the rounding errors of boxes seen by a moving observer.

@@ -47,8 +47,8 @@ use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 /// rounding and for the discretization of splines.
 const SHARE: f64 = 0.49;
 
-/// Range of the list of neighbours, in distances within which pairs bound allowances. Blocks may
-/// move by half of it before the list no longer helps.
+/// Range of the list of neighbours, as a multiple of the distance within which pairs limit
+/// allowances. The list is of no use for a block that moved by more than half of the range.
 const RANGE: f64 = 2.0;
 
 /// Number of segment pairs that are gathered before they are processed.
@@ -68,7 +68,7 @@ struct Buffers {
     near: SegmentPairs,
     /// Blocks with near segments, of the current pair of curves.
     blocks: Vec<NearBlocks>,
-    /// Number of these that are counted already: different ones, at the start of the list.
+    /// Number of entries at the start of the list that are distinct and already counted.
     counted: usize,
 }
 
@@ -84,7 +84,7 @@ pub(super) struct Allowances<'a> {
     blocks: Blocks,
     /// Maximum number of near pairs of blocks.
     most: usize,
-    /// Number of those found so far.
+    /// Number of near pairs of blocks found so far.
     found: AtomicUsize,
     cancel: &'a Cancel,
 }
@@ -137,7 +137,7 @@ impl<'a> Allowances<'a> {
     }
 
     /// Returns the allowances of all control points, in order, and the list of neighbours. `None`
-    /// if there are too many of them, or nobody needs them any more.
+    /// if there are too many neighbours, or if the build was cancelled.
     pub fn fill(self, certificate: &Certificate) -> Option<(Vec<f32>, Neighbours)> {
         let curves: Vec<usize> = self.covered.indices().collect();
         let set = self.covered.set;
@@ -198,12 +198,12 @@ impl<'a> Allowances<'a> {
         Some((allowances, neighbours))
     }
 
-    /// Returns true if there are too many near pairs of blocks, or nobody needs them any more.
+    /// Returns true if there are too many near pairs of blocks, or if the build was cancelled.
     fn is_over(&self) -> bool {
         self.found.load(Ordering::Relaxed) > self.most || self.cancel.is_set()
     }
 
-    /// Keeps each pair of blocks once, with its smallest gap, and counts the new ones.
+    /// Keeps each pair of blocks once, with its smallest gap, and counts the pairs that are new.
     fn compact(&self, buffers: &mut Buffers) {
         let (blocks, counted) = (&mut buffers.blocks, &mut buffers.counted);
         blocks.sort_unstable_by(|a, b| a.blocks.cmp(&b.blocks).then(a.gap.total_cmp(&b.gap)));
@@ -213,7 +213,7 @@ impl<'a> Allowances<'a> {
         self.found.fetch_add(new, Ordering::Relaxed);
     }
 
-    /// [`Allowances::compact`] if the list has grown to twice its size or more.
+    /// Calls [`Allowances::compact`] if the list is more than twice as long as after the last call.
     fn compact_if_large(&self, buffers: &mut Buffers) {
         if buffers.blocks.len() > 2 * buffers.counted + COMPACT.min(self.most) {
             self.compact(buffers);
@@ -251,8 +251,8 @@ impl<'a> Allowances<'a> {
         }
     }
 
-    /// Adds all pairs of blocks within the range. Segments of two blocks that are not near one
-    /// another have at least the distance within which pairs bound allowances.
+    /// Adds all pairs of blocks within the range. Segments of two blocks that are not added are
+    /// further apart than any pair that limits an allowance.
     fn add_leaves(&self, curves: [usize; 2], range: f32, buffers: &mut Buffers) {
         let trees = curves.map(|i| self.trees.of(self.covered.set, i));
         let [i, j] = curves.map(|i| self.blocks.first[i]);
@@ -289,7 +289,7 @@ impl<'a> Allowances<'a> {
                     continue;
                 }
                 let support = || set.support(i, s).chain(set.support(j, t));
-                // A gap above which all affected allowances are lower already, by more than
+                // With a gap above this, all affected allowances are lower already, by more than
                 // rounding errors.
                 let most = f32::from_bits(support().map(allowance).max().unwrap_or(0));
                 let enough = f64::from(most) * (1.0 + 1e-5) / share + slack;

@@ -19,7 +19,7 @@ pub(super) const DEPTH: u32 = 5;
 /// small.
 const STEPS: usize = 8;
 
-/// Share of the best possible value from which on an axis is good enough.
+/// Share of the best possible value from which an axis is good enough to end the search.
 pub(super) const GOOD: f64 = 0.9;
 
 /// Share of the approximate distance of two segments below which the gap of their hulls is poor.
@@ -32,8 +32,8 @@ const TINY: f64 = 1e-200;
 /// if none was found. It is the gap between their hulls or, if that is poor, the minimum gap
 /// between their halves.
 ///
-/// A result of at least `enough` is some lower bound of that size. A smaller result does not depend
-/// on `enough`.
+/// The search ends at the first bound of at least `enough`, which need not be the best one. A
+/// smaller result does not depend on `enough`.
 #[inline(always)]
 pub(super) fn gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
     // Most segments are further apart than required.
@@ -130,8 +130,8 @@ fn best_component(mut n: Point, enough: f64, least: impl Fn(Point) -> (f64, Poin
 /// Number of blocks whose clearance is sampled to choose the reach.
 const SAMPLES: usize = 32;
 
-/// Returns a distance that most blocks of segments have from all others that must stay apart
-/// from them: the upper quartile of a sample.
+/// Returns the upper quartile, over a sample of blocks of segments, of the distance to the nearest
+/// segment that must stay apart from the block.
 pub(super) fn typical_clearance(
     covered: Covered<'_>,
     trees: &Trees,

@@ -41,7 +41,7 @@ pub(super) struct Reference {
     /// Bounds of the control points of each given curve, and of all.
     pub bounds: Vec<[Point; 2]>,
     pub around: [Point; 2],
-    /// Points to which affine frames are fitted.
+    /// Points to which affine maps are fitted.
     pub sample: Sample,
     /// Distance that each control point of the given curves may move: all its images move alike.
     /// Infinite for curves that are not covered.
@@ -105,8 +105,8 @@ impl Reference {
         self.allowances.len().div_ceil(CHUNK)
     }
 
-    /// Returns the chunks of the points of all curves that are images of points in these chunks,
-    /// sorted, these included.
+    /// Returns these chunks, which are of the given curves, and the chunks with the images of their
+    /// points, sorted.
     pub fn with_images<'a>(&self, chunks: &'a [u32]) -> Cow<'a, [u32]> {
         let Some(images) = &self.images else {
             return Cow::Borrowed(chunks);
