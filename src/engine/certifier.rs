@@ -30,8 +30,8 @@ pub struct Certifier {
 }
 
 impl Certifier {
-    /// Opens the device of the options, and takes their kernel and its accuracy. No other option
-    /// has an effect.
+    /// Opens the device of the options, and takes their kernel and its accuracy. All other options
+    /// are ignored.
     ///
     /// # Errors
     ///
@@ -45,7 +45,7 @@ impl Certifier {
         })
     }
 
-    /// Computes with an adapter that is open already.
+    /// Creates a certifier that computes on a GPU adapter that is already open.
     #[cfg(all(feature = "gpu", test))]
     pub(crate) fn with_gpu(options: &SessionOptions, gpu: GpuUse) -> Certifier {
         Certifier {
@@ -63,7 +63,7 @@ impl Certifier {
         self.complete(|full| pool::run(set.segments(), || full.certify(set)))
     }
 
-    /// Makes a run to its end.
+    /// Runs `run` to completion: it cannot be cancelled.
     fn complete(&mut self, run: impl FnOnce(&mut FullRun) -> Stats) -> (&Certificate, Stats) {
         let start = Instant::now();
         self.full.heed_cancel(false);
