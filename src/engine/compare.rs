@@ -21,8 +21,8 @@ pub(super) struct Compared {
 }
 
 impl Engine {
-    /// Compares a frame with the baseline, by the strategy of the engine. The frame may be known to
-    /// be quiet. `appeared` are the curves that the baseline lacks.
+    /// Compares a frame with the baseline, by the strategy of the engine. `quiet` is true if the
+    /// frame is proven to be quiet. `appeared` has the curves that the baseline lacks.
     pub(super) fn compare(
         &mut self,
         known: &mut Known,
@@ -31,7 +31,7 @@ impl Engine {
     ) -> Result<Compared> {
         let mut compared = self.compare_with_baseline(known, (frame, quiet), appeared)?;
         if self.options.strategy.is_incremental() {
-            // The work depends on earlier frames, so only the sizes are counted.
+            // The work depends on earlier frames, so the report has only the sizes of the scene.
             compared.stats = Stats::default();
             self.offer_reference(known, frame, &compared.linking);
         }
@@ -62,7 +62,7 @@ impl Engine {
                 known.baseline = Some(Arc::new(all));
                 self.of_full_run(comparison, stats)
             }
-            // A change of loops that mean nothing would end the run early.
+            // A change between loops of a broken braid means nothing, and would end the run early.
             Strategy::Full if self.options.early_exit && !is_broken => {
                 let set = frame.set()?;
                 let (comparison, stats) = self.full.compare_until_change(set, &baseline)?;
@@ -73,12 +73,13 @@ impl Engine {
                 self.compare_incrementally(known, (frame, quiet), &baseline)?
             }
         };
-        // Pairs that are missing must not become part of the baseline.
+        // After a cancellation, pairs are missing. They must not be missing in the baseline.
         self.full.progress.check()?;
         if let Some(scene) = &known.braids {
             scene.forget_broken(&mut compared.linking.comparison);
         }
-        // With early exit, unchecked pairs have no linking number yet.
+        // With early exit, unchecked pairs have no linking number yet, so the baseline does not
+        // adopt them.
         let comparison = &compared.linking.comparison;
         if compared.stats.unchecked == 0
             && !is_broken
@@ -92,7 +93,7 @@ impl Engine {
         Ok(compared)
     }
 
-    /// Makes a frame the reference frame, if that may pay.
+    /// Makes a frame the reference frame, if the monitor expects to save time by it.
     fn offer_reference(&mut self, known: &Known, frame: &Frame, linking: &LinkingNumbers) {
         if let Some(certificate) = &linking.certificate
             && !known.has_broken_braids()
@@ -170,9 +171,9 @@ impl Engine {
         Ok(compared)
     }
 
-    /// Compares a frame with the baseline, by a search of the step from the previous frame: the
-    /// linking number of a pair without a passage or a contact has not changed. Returns `None` if
-    /// the previous frame does not help, or if a full run costs less.
+    /// Compares a frame with the baseline by a search of the step from the previous frame: a pair
+    /// without a passage or a contact keeps its linking number. Returns `None` if the previous
+    /// frame cannot be used, or if a full run costs less.
     fn compare_by_step(
         &mut self,
         known: &mut Known,
@@ -194,7 +195,7 @@ impl Engine {
         let closed = |i: u32| set.curve(i as usize).closed;
         let unsettled = step.unsettled_pairs();
         let unsettled = unsettled.filter(|&(i, j)| i != j && closed(i) && closed(j));
-        // Nothing is known about pairs that had no linking number.
+        // Pairs that had no linking number in the previous frame must be computed.
         let undefined = &certificate.undefined;
         let unknown = undefined.iter().filter_map(|d| Some((d.i, d.j?)));
         let mut pairs: Vec<Pair> = unsettled.chain(unknown).collect();

@@ -42,8 +42,8 @@ impl Engine {
         known.change_curves(change, next.curves, self.steps.events)
     }
 
-    /// Prepares the first frame: divides a given baseline into what is verified apart, and closes
-    /// braids.
+    /// Prepares the first frame: splits a given baseline into the parts that are verified
+    /// separately, and closes the strands of braids to loops.
     pub(super) fn begin_baseline(&mut self, known: &mut Known, next: Next<'_>) -> Result<()> {
         let has_images = known.given.as_ref().map(|given| given.images.is_some());
         match (has_images, next.cell) {
@@ -78,12 +78,13 @@ impl Engine {
         Ok(())
     }
 
-    /// Gives the images of a given baseline the names that the first frame has for them.
+    /// Renumbers the images of a given baseline: its run may have started with other images of the
+    /// curves than this one.
     fn align_baseline(&mut self, known: &mut Known, next: Next<'_>, cell: Cell) -> Result<()> {
         let (Some(given), Some(scene)) = (known.given.clone(), &mut known.cell) else {
             return Ok(());
         };
-        // The numbers of this frame.
+        // Computes the linking numbers of this frame, to find the renumbering.
         scene.find_yarns(next.curves, &cell);
         let search = self.image_search();
         let followed = scene.follow((next.curves, &cell), None, None, search)?;
@@ -100,7 +101,7 @@ impl Engine {
             periods: frame.periods.clone(),
             ..given.aligned_with(&frame)?
         }));
-        // The images of the baseline are searched for, too.
+        // Resets the images, so that the next search also finds those of the baseline.
         known.cell = Some(CellScene::default());
         Ok(())
     }
@@ -115,9 +116,9 @@ impl Engine {
         }
     }
 
-    /// Returns the frame with the images that may meet, and true if it is quiet: proven to have the
-    /// linking numbers of the reference frame. If other images come near than before, what is known
-    /// is expressed in them.
+    /// Returns the frame with the periodic images that may meet its curves, and true if it is
+    /// quiet: proven to have the linking numbers of the reference frame. If the set of images
+    /// differs from that of the previous frame, renumbers the state ([`Known::rename`]).
     pub(super) fn expand(
         &mut self,
         known: &mut Known,
@@ -132,7 +133,8 @@ impl Engine {
         missing.extend(scene.find_yarns(next.curves, &cell));
         if let Some(given) = known.given.take() {
             scene.expect(&given);
-            // The numbers of the curves that are verified are set once the images are known.
+            // The second value, the linking numbers with these images, is set once the images are
+            // known.
             known.joined = Some((given, Arc::default()));
         }
         let given = (next.curves, &cell);
@@ -167,7 +169,8 @@ impl Engine {
         self.monitor.is_quiet(before, curves, baseline, work)
     }
 
-    /// Compares the linking numbers of closed curves and yarns, if there are any.
+    /// Compares the linking numbers of pairs of a closed curve and a yarn (a curve that runs
+    /// through the periodic cell), if there are any.
     pub(super) fn compare_yarns(
         &mut self,
         known: &mut Known,

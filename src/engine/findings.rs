@@ -11,7 +11,7 @@ use crate::verdict::{Defect, DefectKind, PullThrough};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Pull-throughs since the previous frame, and the defects of a frame.
+/// Pull-throughs in the step from the previous frame, and the defects of the frame.
 #[derive(Default)]
 pub(super) struct Motion {
     pub events: Vec<PullThrough>,
@@ -31,7 +31,7 @@ impl Engine {
             return Ok(());
         }
         let set = frame.set()?;
-        // After a partial run, trees may be those of an earlier frame.
+        // After a partial run, the trees of some curves may be those of an earlier frame.
         if self.work.route != Route::Full {
             let changed = changes.iter().map(|c| (c.i, c.j));
             let fresh = fresh.iter().filter_map(|d| Some((d.i, d.j?)));
@@ -42,8 +42,8 @@ impl Engine {
         let cancel = &self.full.progress.cancel;
         let place = |i: u32, j: u32| {
             let (i, j) = (i as usize, j as usize);
-            // Open curves have no tree. They have no linking number either, so their only change is
-            // a lost link.
+            // Open curves have no tree and no linking number, so their only change is that a link
+            // of the baseline is lost.
             let exists = !cancel.is_set() && set.curve(i).closed && set.curve(j).closed;
             exists.then(|| closest_approach(set, trees, i, j))
         };
@@ -56,8 +56,8 @@ impl Engine {
         Ok(())
     }
 
-    /// Returns the pairs for which the reference frame does not exclude passages since the previous
-    /// frame, or `None` if that may be any pairs.
+    /// Returns the pairs that may have passed through each other since the previous frame,
+    /// according to the reference frame. `None` if all pairs may have.
     pub(super) fn pairs_to_search(&mut self, known: &Known, frame: &Frame) -> Option<Vec<Pair>> {
         if !self.options.strategy.is_incremental() {
             return None;
@@ -67,7 +67,7 @@ impl Engine {
             .pairs_to_search([before, frame], &mut self.work)
     }
 
-    /// Searches the step from the previous frame: these pairs, or all.
+    /// Searches the step from the previous frame for passages: of the given pairs, or of all.
     pub(super) fn search_step(
         &mut self,
         known: &mut Known,
@@ -90,8 +90,8 @@ impl Engine {
     }
 
     /// Returns the pull-throughs since the previous frame, if they are reported, and all defects:
-    /// those of the comparison, and undecided pairs of the step. `step` is the outcome of the step,
-    /// if it was searched already.
+    /// those of the comparison, and pairs that are undecided in the step. `step` is the outcome of
+    /// the step, if the comparison has already searched it.
     pub(super) fn search_events(
         &mut self,
         known: &mut Known,

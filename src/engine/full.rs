@@ -1,4 +1,4 @@
-//! Full runs, which compute all linking numbers of a frame, and runs over given pairs.
+//! Full runs, which compute all linking numbers of a frame, and runs over a given list of pairs.
 
 use super::ladder::{Ladder, Sums};
 use super::{Progress, Timings};
@@ -17,20 +17,21 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-/// Number of pairs computed before the first check for a change. It doubles with each check.
+/// Number of pairs that are computed before the first comparison with the baseline. The number
+/// doubles after each comparison.
 const FIRST_BLOCK: usize = 64;
 
-/// Number of curves whose repeated vertices a task counts at least.
+/// Minimum number of curves per task that counts repeated vertices.
 const FEW_CURVES: usize = 256;
 
 /// Computes linking numbers. Its buffers are reused for every frame.
 #[derive(Debug, Default)]
 pub(super) struct FullRun {
     counting: Counting,
-    /// Search for potential links; it has those found last.
+    /// Search for potential links, with those of the last frame.
     pub search: LinkSearch,
     parts: Vec<Counted>,
-    /// Boxes of the previous frame, if the motion since then is needed.
+    /// Boxes of the previous frame, to find the curves that moved furthest.
     before: Vec<Box3>,
     /// Method and accuracy of sums.
     pub kernel: (Method, Accuracy),
@@ -62,7 +63,8 @@ impl Counting {
 }
 
 impl FullRun {
-    /// Creates the state. `kernel` computes sums, or counts crossings.
+    /// Creates the state. `kernel` is tried first; crossings are counted for pairs that it does not
+    /// decide.
     pub fn new(kernel: (Method, Accuracy), gpu: GpuUse) -> Self {
         let mut full = FullRun {
             kernel,
@@ -73,7 +75,7 @@ impl FullRun {
         full
     }
 
-    /// Shows the progress of this run, and obeys a request to end it, through another one's.
+    /// Shares the progress of another run, and its cancellation.
     pub fn share_progress(&mut self, progress: Arc<Progress>) {
         self.search.limit = progress.limit.clone();
         self.progress = progress;
@@ -117,13 +119,14 @@ impl FullRun {
         stats
     }
 
-    /// Sets whether later computations end early once the progress is cancelled. Their results are
-    /// incomplete then.
+    /// Sets whether later computations end early after [`Progress::cancel`]. The results are then
+    /// incomplete.
     pub fn heed_cancel(&mut self, heed: bool) {
         self.counting.workspaces.cancel = heed.then(|| self.progress.cancel.clone());
     }
 
-    /// Adds all linking numbers to the certificate: decided by the bounds of sums, or else counted.
+    /// Adds all linking numbers to the certificate. Pairs that the bounds of the sums do not decide
+    /// are counted.
     fn add_sums(&mut self, set: &CurveSet, sums: &Sums<'_>, stats: &mut Stats) {
         let start = Instant::now();
         let undecided: Vec<Pair> = sums.undecided().collect();
@@ -147,7 +150,8 @@ impl FullRun {
 
     /// Computes the linking numbers that no noise of the vertices of polylines can change.
     pub fn certify_noisy(&mut self, set: &CurveSet, noise: f64) -> Stats {
-        // The links that are discarded without noise do not count here.
+        // `find_pairs` counts without noise, where it can discard more pairs, so its counts do not
+        // apply.
         let stats = Stats {
             potential_links: 0,
             separated: 0,
@@ -177,12 +181,13 @@ impl FullRun {
         self.certificate.links.extend(all.links);
         self.certificate.undefined.extend(all.undefined);
         let undefined = &mut self.certificate.undefined;
-        // Without memory of its own. No two of them have the same curves.
+        // An unstable sort needs no memory, and the keys are distinct.
         undefined.sort_unstable_by_key(|d| (d.i, d.j));
         stats
     }
 
-    /// Computes the linking numbers of some pairs, sorted. The certificate has no other pairs.
+    /// Computes the linking numbers of some pairs, which are sorted. The certificate has only these
+    /// pairs.
     pub fn certify_pairs(&mut self, set: &CurveSet, pairs: &[Pair]) -> Certificate {
         let start = Instant::now();
         self.refit(set, pairs);
@@ -191,7 +196,7 @@ impl FullRun {
         let meet = |&(i, j): &Pair| roots[i as usize].overlaps(&roots[j as usize]);
         let meeting: Vec<Pair> = pairs.iter().copied().filter(meet).collect();
         let input = self.counting.input(set);
-        // Too few to be worth a transfer to the GPU.
+        // There are too few pairs to be worth a transfer to the GPU.
         linking_numbers(input, &meeting, &mut self.parts, &self.progress.done);
         let mut certificate = Certificate {
             curves: set.len(),
@@ -208,7 +213,8 @@ impl FullRun {
         self.counting.trees.refit_some(set, &curves);
     }
 
-    /// Returns the trees. They belong to the last frame as far as it needed them.
+    /// Returns the trees. Those of curves that the last run did not need may be of an earlier
+    /// frame.
     pub fn trees(&self) -> &Trees {
         &self.counting.trees
     }
@@ -216,8 +222,8 @@ impl FullRun {
     /// Runs the stages before the linking numbers: boxes and potential links.
     pub fn find_pairs(&mut self, set: &CurveSet) -> Stats {
         let start = Instant::now();
-        // Reset, because until the pairs are found, those of the previous frame would look like
-        // finished work.
+        // Reset here, because until the pairs of this frame are found, the counts of the previous
+        // frame would show a finished run.
         self.progress.total.store(0, Ordering::Relaxed);
         self.progress.done.store(0, Ordering::Relaxed);
         self.counting.trees.refit(set);
@@ -234,7 +240,7 @@ impl FullRun {
         self.timings = Timings {
             boxes: boxed - start,
             pairs: boxed.elapsed(),
-            // A partial run searches for pull-throughs first.
+            // In a partial run, the search for pull-throughs came first, so its time is kept.
             events: self.timings.events,
             ..Timings::default()
         };
@@ -273,9 +279,11 @@ impl FullRun {
         self.timings.links += start.elapsed();
     }
 
-    /// Compares a frame with the baseline, the most suspect pairs first, up to the first change.
+    /// Compares a frame with the baseline up to the first change, and starts with the pairs that
+    /// are most likely to have changed.
     ///
-    /// Pairs are processed in blocks, so that the result does not depend on the number of threads.
+    /// Pairs are processed in blocks of fixed sizes, so that the result does not depend on the
+    /// number of threads.
     pub fn compare_until_change(
         &mut self,
         set: &CurveSet,
@@ -334,7 +342,7 @@ fn gather(parts: &[Counted], certificate: &mut Certificate, stats: &mut Stats) {
         certificate.undefined.extend_from_slice(&part.undefined);
         stats.add(&part.stats);
     }
-    // The keys are distinct.
+    // The keys are distinct, so the order does not depend on the sort.
     certificate.undefined.sort_unstable_by_key(|d| (d.i, d.j));
 }
 

@@ -1,5 +1,5 @@
-//! Invariants beyond the linking numbers of pairs: their comparison, and the balance of `v2` with
-//! the passages of a curve through itself.
+//! Invariants other than the linking numbers of pairs: their comparison with the baseline, and the
+//! check that the change of `v2` matches the passages of a curve through itself.
 
 use super::Engine;
 use super::known::Known;
@@ -17,10 +17,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 impl Engine {
-    /// Compares the invariants of a frame with the expected ones, which are those of the first
-    /// frame if there are none. Adds curves that have none to the defects, and to `missing` what
-    /// could not be compared. `is_given`: a certificate was given, and this is the first
-    /// frame.
+    /// Compares the invariants of a frame with the expected ones. If none are expected yet, those
+    /// of the first frame become the expected ones. Adds curves without invariants to the defects,
+    /// and to `missing` a text about what was not compared. `is_given` is true in the first frame
+    /// if a certificate was given.
     pub(super) fn compare_invariants(
         &self,
         known: &mut Known,
@@ -44,7 +44,7 @@ impl Engine {
                 ));
             }
             if kind == InvariantKind::Triple && known.cell.is_some() {
-                // They depend on the images in which the coordinates of the curves are.
+                // The invariants depend on which images of the curves the coordinates describe.
                 missing.push(format!("no invariants (`{kind}`) in a periodic cell"));
                 continue;
             }
@@ -86,8 +86,8 @@ impl Engine {
         changes
     }
 
-    /// Returns defects of the closed polylines whose change of `v2` since the previous frame
-    /// differs from the one that their passages through themselves cause.
+    /// Returns a defect for each closed polyline whose change of `v2` since the previous frame
+    /// differs from the sum over its passages through itself.
     pub(super) fn unaccounted_passages(
         &self,
         known: &Known,

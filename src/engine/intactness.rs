@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct Intactness {
     /// Last frame that is known to be intact.
     pub last_intact: Option<u64>,
-    /// True if that frame is the last verified one.
+    /// True if the last verified frame is known to be intact.
     pub intact: bool,
     /// True if a curve was pulled through another one since that frame, or may have been. Then no
     /// later frame is known to be intact, even if it has the expected linking numbers.
@@ -16,8 +16,8 @@ pub(crate) struct Intactness {
 }
 
 impl Intactness {
-    /// Adds to a complete report the last frame that is known to be intact. `unknown` is true if a
-    /// curve may have been pulled through another one for a reason that the report does not have.
+    /// Sets the last intact frame of a complete report. `unknown` is true if a curve may have been
+    /// pulled through another one for a reason that the report does not contain.
     pub(super) fn conclude(&mut self, report: &mut Report, unknown: bool) {
         let of_step = report.defects.iter().any(|d| d.kind.is_of_step());
         let changed = report.verdict == Verdict::Changed;
@@ -29,13 +29,13 @@ impl Intactness {
         report.last_intact = self.last_intact;
     }
 
-    /// Forgets what happened before the next frame.
+    /// Starts anew, because the next frame does not continue the last one.
     pub(super) fn cut(&mut self) {
         self.broken = false;
     }
 
-    /// Continues after frames that are not known but for the last intact one; `intact` is true if
-    /// it was the last one.
+    /// Continues after frames that are no longer available, except that `last_intact` is known to
+    /// be the last intact one. `intact` is true if it was the last one verified.
     pub(super) fn doubt(&mut self, last_intact: Option<u64>, intact: bool) {
         self.last_intact = last_intact;
         self.broken = !intact;

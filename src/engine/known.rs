@@ -13,30 +13,31 @@ use std::sync::Arc;
 /// All state on which the reports on later frames depend. A copy is cheap.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Known {
-    /// Given baseline, until the first frame.
+    /// Baseline that the caller gave. Moved to the fields below in the first frame.
     pub given: Option<Arc<Certificate>>,
-    /// Expected linking numbers of the curves that are verified together.
+    /// Expected linking numbers of the curves that the engine verifies: those of a frame with its
+    /// images, or the loops of braids.
     pub baseline: Option<Arc<Certificate>>,
-    /// All expected linking numbers under the names of reports, if those above are not all, and the
-    /// baseline from which they were made.
+    /// Expected linking numbers of all curves, numbered as in reports, if this differs from
+    /// `baseline`; and the `baseline` from which they were made.
     pub joined: Option<(Arc<Certificate>, Arc<Certificate>)>,
-    /// Last verified frame, if the next one is compared with it.
+    /// Last verified frame, if the next frame continues it.
     pub last: Option<Arc<Last>>,
-    /// Last verified frame, if it had other curves than the current one; `last` is `None` then.
+    /// Last verified frame, if curves appeared or disappeared after it; `last` is then `None`.
     pub across: Option<Arc<Across>>,
     /// Expected invariants of curves and of triples, if they are compared, from the first frame on.
     pub higher: Arc<Vec<HigherInvariants>>,
-    /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
-    /// closed curves; `None` before that frame.
+    /// Pairs that have touched in every frame since the first one, sorted, except pairs of closed
+    /// curves. `None` before the first frame.
     pub touching: Option<Arc<Vec<Pair>>>,
     pub intactness: Intactness,
-    /// Reason why the step to the next frame is unknown, if it is.
+    /// Reason why pull-throughs in the step to the next frame are unknown, if they are.
     pub unknown_step: Option<String>,
     /// Extent of the first frame.
     pub extent: Option<f64>,
-    /// Images of the curves, if the scene repeats.
+    /// Periodic images of the curves, if the scene has a cell.
     pub cell: Option<CellScene>,
-    /// Loops of the braids, from the first frame on.
+    /// Loops that close the strands of braids, from the first frame on.
     pub braids: Option<BraidScene>,
 }
 
@@ -48,11 +49,12 @@ pub(super) struct Last {
     pub contacts: Contacts,
 }
 
-/// Previous frame of other curves: those that continue, in the order of the current frame.
+/// Previous frame with other curves: only the curves that still exist, in the order of the current
+/// frame.
 #[derive(Debug)]
 pub(super) struct Across {
     pub before: CurveSet,
-    /// Their indices in the current frame, ascending.
+    /// Indices of these curves in the current frame, ascending.
     pub curves: Vec<u32>,
 }
 
@@ -72,7 +74,7 @@ impl Known {
         joined.or(self.baseline.as_ref())
     }
 
-    /// The next frame does not continue the last one.
+    /// Forgets the last frame, because the next one does not continue it.
     pub fn cut(&mut self) {
         (self.last, self.across, self.unknown_step) = (None, None, None);
         self.intactness.cut();
@@ -81,7 +83,7 @@ impl Known {
         }
     }
 
-    /// Fails if the baseline has another number of curves than the frame.
+    /// Returns an error if the baseline has another number of curves than the frame.
     pub fn check_number(&self, curves: usize) -> Result<()> {
         let baseline = self.given.as_ref().or(self.joined());
         match baseline.filter(|baseline| baseline.curves != curves) {
@@ -93,14 +95,16 @@ impl Known {
         }
     }
 
-    /// Expects all these linking numbers; `own` has those of the curves that are verified together.
+    /// Sets the expected linking numbers: `all` as in reports, `own` those of the curves that the
+    /// engine verifies.
     pub fn expect(&mut self, all: Arc<Certificate>, own: Certificate) {
         let own = Arc::new(own);
         self.baseline = Some(Arc::clone(&own));
         self.joined = Some((all, own));
     }
 
-    /// Joins the expected linking numbers under the names of the curves, if they changed.
+    /// Updates the expected linking numbers in the numbering of reports, if they changed. `given`
+    /// is the number of curves without images.
     pub fn join(&mut self, given: usize, yarns: &ComparedYarns) {
         let Some(baseline) = &self.baseline else {
             return;
@@ -117,8 +121,8 @@ impl Known {
         self.joined = Some((Arc::new(joined), Arc::clone(baseline)));
     }
 
-    /// Returns the curves of a frame with the loops of the braids, if there are any, and in words
-    /// the condition of the braids that the frame breaks.
+    /// Returns the curves of a frame with the loops of the braids, if there are braids, and a text
+    /// on the condition of the braids that the frame breaks, if it does.
     ///
     /// # Errors
     ///
@@ -148,8 +152,8 @@ impl Known {
         of_braids.or_else(|| self.cell.as_ref()?.filter())
     }
 
-    /// Expresses all that is known in the curves and images of `scene`, instead of those of
-    /// `earlier`. Adds to `missing` what cannot be.
+    /// Renumbers the state from the curves and images of `earlier` to those of `scene`. Adds a text
+    /// to `missing` if the last frame cannot be renumbered.
     pub fn rename(&mut self, earlier: &CellScene, scene: &CellScene, missing: &mut Vec<String>) {
         if let Some((joined, _)) = self.joined.take() {
             let own = scene.expected(&joined);
@@ -185,7 +189,7 @@ impl Known {
                     contacts,
                 }));
             }
-            // All pairs that meet are among the images, so this does not happen.
+            // Does not happen, because all pairs that touch are among the images of both scenes.
             _ => missing.push(
                 "other images came near while some touched: passages through this contact may be \
                  missing"
@@ -194,7 +198,8 @@ impl Known {
         }
     }
 
-    /// Converts the last frame to double precision if the curves of a frame have it.
+    /// Converts the last frame from single to double precision if the curves of the next frame have
+    /// double precision.
     pub fn widen_to(&mut self, curves: &CurveSet) -> Result<()> {
         let (Some(scene), Some(last)) = (&mut self.cell, &self.last) else {
             return Ok(());
@@ -210,9 +215,9 @@ impl Known {
         Ok(())
     }
 
-    /// Prepares a step to a frame of other curves. Pull-throughs are searched for among the curves
-    /// that continue with the same number of points. Returns the curves that appeared, if their
-    /// linking numbers are to become part of a baseline.
+    /// Prepares a step to a frame after curves appeared or disappeared. Pull-throughs are searched
+    /// for among the curves that still exist with the same number of points. Returns the curves
+    /// that appeared, if there is a baseline that must get their linking numbers.
     ///
     /// # Errors
     ///
@@ -274,8 +279,9 @@ impl Known {
         Ok(appeared)
     }
 
-    /// Returns true if these curves, or parts of this curve, have touched since the first frame.
-    /// Always false for two closed curves: their baseline lacks a linking number instead.
+    /// Returns true if these two curves, or two parts of one curve, have touched since the first
+    /// frame. Always false for two closed curves, for which the baseline has no linking number
+    /// instead.
     pub fn touch_from_the_start(&self, i: u32, j: Option<u32>) -> bool {
         let Some(pairs) = &self.touching else {
             return false;

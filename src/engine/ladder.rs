@@ -1,5 +1,5 @@
-//! Ladder of kernels: a kernel that sums runs first, and crossings are counted if its bound decides
-//! nothing.
+//! Ladder of kernels: a kernel that sums runs first; crossings are counted for the pairs that its
+//! error bound does not decide.
 
 use crate::cancel::Cancel;
 use crate::certificate::Certificate;
@@ -45,8 +45,8 @@ pub(super) struct Sums<'a> {
 }
 
 impl<'a> Sums<'a> {
-    /// Sums pairs by a kernel. Splines become polylines first, for all pairs at once
-    /// ([`homotopic_polylines`]). Pairs that stay too close for that are unknown.
+    /// Sums pairs by a kernel. Splines are first converted to polylines, for all pairs at once
+    /// ([`homotopic_polylines`]). Pairs that are too close for the conversion remain unknown.
     pub fn of(
         set: &CurveSet,
         kernel: (Method, Accuracy),
@@ -71,8 +71,8 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// Sums the pairs of polylines that are predicted to be decided sooner than by counting. The
-    /// others are unknown.
+    /// Sums only the pairs of polylines for which the sum is predicted to take less time than
+    /// counting. The estimates of the other pairs are unknown.
     pub fn of_long(
         set: &CurveSet,
         long: &[LongLink],
@@ -83,8 +83,8 @@ impl<'a> Sums<'a> {
         let worth: Vec<Pair> = long.iter().map(|link| pairs[link.at]).collect();
         let needed = curves_of(worth.iter().copied());
         let needed = |i: u32| needed.binary_search(&i).is_ok();
-        // The kernel gives up before it starts if it expects to take nearly as long as counting,
-        // because strands are close.
+        // The kernel gives up before it starts if strands are so close that it expects to take
+        // nearly as long as counting.
         let counting = long.iter().map(|link| link.counting * MS);
         let options = fmm::Options {
             limit: 0.4e3 * counting.fold(0.0, f64::max),
@@ -122,8 +122,8 @@ impl<'a> Sums<'a> {
         })
     }
 
-    /// Returns the numbers of decisions, and the errors of the sums with respect to the complete
-    /// certificate.
+    /// Returns the number of pairs decided by each method, and the errors of the sums with respect
+    /// to the complete certificate.
     pub fn ladder(&self, certificate: &Certificate) -> Ladder {
         let mut ladder = Ladder {
             summing: self.took,

@@ -1,6 +1,6 @@
 //! Engine: verifies one scene against one baseline. The only module that knows all stages.
 //!
-//! It uses no file and no socket, and its clock only measures.
+//! It uses no file and no socket. It uses the clock only to measure times.
 //!
 //! # A frame is a transaction
 //!
@@ -66,7 +66,7 @@ pub(crate) struct Engine {
     steps: Steps,
     routing: Routing,
     work: Work,
-    /// True if the given baseline names images as the frames do.
+    /// True if the given baseline numbers images as the frames do.
     names_images: bool,
 }
 
@@ -80,7 +80,7 @@ pub(crate) struct Next<'a> {
     pub cell: Option<Cell>,
     /// Change of the curves since the last verified frame.
     pub change: Option<&'a CurveChange>,
-    /// True if the frame does not continue the last verified one.
+    /// True if the frame does not continue the last verified one, so that no step leads to it.
     pub cut: bool,
 }
 
@@ -116,7 +116,8 @@ impl Engine {
     /// Creates an engine whose kernels run on an adapter that is open already.
     pub fn with_gpu(mut options: SessionOptions, gpu: GpuUse) -> Self {
         let (kernel, gpu) = match options.cell {
-            // Kernels that sum know no exact sums of coordinates.
+            // Kernels that sum cannot use coordinates that are exact sums, so crossings are
+            // counted.
             Some(_) => (Method::Crossings, GpuUse::default()),
             None => (options.kernel, gpu),
         };
@@ -185,23 +186,23 @@ impl Engine {
         Arc::clone(&self.full.progress)
     }
 
-    /// Shows the progress through that of another engine, and is cancelled with it.
+    /// Shares the progress of another engine, and its cancellation.
     pub fn share_progress(&mut self, progress: Arc<Progress>) {
         self.steps
             .end_with((progress.cancel.clone(), progress.limit.clone()));
         self.full.share_progress(progress);
     }
 
-    /// Begins with what is known about the last intact frame of another engine. `names_images` is
-    /// true if the given baseline names images as the frames do.
+    /// Continues with the last intact frame of another engine. `names_images` is true if the given
+    /// baseline numbers images as the frames do.
     pub fn continue_after(&mut self, other: &Engine, names_images: bool) {
         self.known.intactness = other.known.intactness;
         self.known.intactness.cut();
         self.names_images = names_images;
     }
 
-    /// Waits until background work has ended, so that the next frame profits from it. For
-    /// measurements.
+    /// Waits until background work has ended, so that a measurement of the next frame does not
+    /// depend on the speed of that work.
     pub fn settle(&mut self) {
         self.monitor.wait_for_reference();
     }
@@ -221,7 +222,8 @@ impl Engine {
         cell: Option<&Cell>,
         set: &mut Option<CurveSet>,
     ) -> Result<()> {
-        // The verification of the frame decides if other curves are valid.
+        // If the layout differs, discards the set. [`Engine::verify`] decides if other curves are
+        // valid.
         set.take_if(|set| same_layout(&frame, set).is_err());
         let incremental = self.options.strategy.is_incremental();
         ingest(frame, set, |set, positions| match incremental {
@@ -234,7 +236,7 @@ impl Engine {
     /// vertices are uploaded while the next frame is verified. This is only a hint: the results are
     /// the same without it, or if another frame follows.
     pub fn announce(&mut self, next: &Arc<CurveSet>) {
-        // With braids, the set that is verified is another one.
+        // With braids, the engine verifies a set with additional loops, not this one.
         if self.options.braids.is_none() {
             self.full.gpu.announce(next);
         }
@@ -268,7 +270,7 @@ impl Engine {
         verified
     }
 
-    /// Returns the report on a frame. `known` is the state before the frame, which becomes that
+    /// Returns the report on a frame. Replaces `known`, the state before the frame, by the state
     /// after it.
     fn try_to_verify(&mut self, known: &mut Known, next: Next<'_>) -> Result<Report> {
         let start = Instant::now();
@@ -354,19 +356,19 @@ impl Engine {
         Ok(report)
     }
 
-    /// Resets what is counted and limited for each frame.
+    /// Resets the counters and the limits of a frame.
     fn begin_frame(&mut self) {
         self.full.progress.limit.begin(self.options.max_pairs);
         self.full.heed_cancel(true);
         self.work = Work::default();
-        // A partial run does not start all stages.
+        // A partial run skips stages, which then must not keep the times of an earlier frame.
         self.full.timings = Timings::default();
-        // Needed here, because a partial run does not start the frame.
+        // A partial run does not call `FullRun::find_pairs`, which starts the frame otherwise.
         self.full.gpu.start_frame();
     }
 
-    /// Returns true if the simulator is to be asked to stop because of a report. Curves that have
-    /// touched since the baseline are no reason.
+    /// Returns true if a report is a reason to ask the simulator to stop. A contact that has
+    /// existed since the baseline is not.
     pub fn aborts(&self, report: &Report) -> bool {
         let known = &self.known;
         let lacks = |baseline: Option<&Arc<Certificate>>, a: u32, b: Option<u32>| {
@@ -384,8 +386,8 @@ impl Engine {
         self.options.abort_on.aborts(report, expected)
     }
 
-    /// Returns the braids with everything that was found in the first frame, so that other runs can
-    /// close them in the same way. `None` before that frame, or without braids.
+    /// Returns the braids with all values that were derived from the first frame, so that other
+    /// runs can close them in the same way. `None` before that frame, or without braids.
     pub fn braids(&self) -> Option<Braids> {
         Some(self.known.braids.as_ref()?.braids().0)
     }
@@ -401,7 +403,7 @@ impl Engine {
         report
     }
 
-    /// Records an error of the incremental verification, and switches it off.
+    /// Records that an incremental result was wrong, and switches to full runs.
     fn disagree(&mut self) {
         self.work.disagreed = true;
         self.options.strategy = Strategy::Full;

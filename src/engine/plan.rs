@@ -30,13 +30,15 @@
 //! | `torus_zero` | 0.56 / 0.51 | 0.00 / 0.00 | 6.95 / 7.72 | 7.51 / 8.23 | 0.91 |
 //! | `woundball` | 1.40 / 1.48 | 0.00 / 0.01 | 83.9 / 91.2 | 85.3 / 92.7 | 0.92 |
 //!
-//! The constants were fitted to these scenes and to two garments (1.08 and 1.25), so the table
-//! shows the quality of the fit, not the accuracy on other scenes. Search times of some hundredths
-//! of a millisecond are wrong by up to a factor of 2. With several threads, a prediction assumes as
+//! The constants were fitted to these scenes and to two garments (ratios 1.08 and 1.25), so the
+//! table shows the quality of the fit, not the accuracy on other scenes. Search times of some
+//! hundredths of a millisecond are wrong by up to a factor of 2. With several threads, a prediction
+//! assumes that many idle cores.
 //! many idle cores.
 //!
-//! The model ignores caches except the last, and CPUs without AVX2, where all stages take longer.
-//! If more than 64 potential links differ much, the sample may miss a rare one of much work.
+//! The model accounts only for the last-level cache, and assumes AVX2: all stages take longer
+//! without it. If the work of more than 64 potential links differs much, the sample may miss a rare
+//! link with much work.
 
 #[cfg(test)]
 mod tests;
@@ -256,7 +258,7 @@ impl Plan {
         Ok(Plan::of_filter(set, gpu.tested_offer(), None))
     }
 
-    /// Plans a frame of which only the pairs of a filter is verified, or all.
+    /// Plans a frame in which only the pairs of a filter, or all pairs, are verified.
     fn of_filter(set: &CurveSet, offer: Option<Offer<'_>>, filter: Option<PairFilter>) -> Plan {
         let threads = rayon::current_num_threads();
         let mut trees = Trees::default();

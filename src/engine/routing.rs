@@ -1,18 +1,19 @@
-//! Choice between a search of the step from the previous frame and a full run, by measured times.
+//! Choice between a search of the step from the previous frame and a full run, by the measured
+//! times of both.
 
 use std::time::Duration;
 
-/// Maximum number of full runs between two attempts to search if searches take longer.
+/// Maximum number of full runs between two searches, if the searches take longer.
 const MAX_BACKOFF: u32 = 64;
 
-/// Times of earlier frames. Only the work depends on them, no result.
+/// Times of earlier frames. They affect only the route of a frame, not its result.
 #[derive(Debug, Default)]
 pub(super) struct Routing {
     /// Time of the last full run.
     pub full_run: Duration,
-    /// Number of full runs after the last search that took longer.
+    /// Number of full runs that follow a search that took longer.
     backoff: u32,
-    /// Number of them that are left.
+    /// Number of these full runs that remain.
     left: u32,
 }
 

@@ -20,15 +20,15 @@ use std::sync::Arc;
 pub(crate) struct EngineState {
     /// All expected linking numbers.
     baseline: Arc<Certificate>,
-    /// Braids with everything that was found in the first frame, as JSON, and that frame.
+    /// Braids, as JSON, with all values that were derived from the first frame, and that frame.
     braids: Option<(String, StoredCurves)>,
     higher: Arc<Vec<HigherInvariants>>,
     intactness: Intactness,
     extent: Option<f64>,
-    /// True if the last frame is compared with the next one.
+    /// True if the next frame continues the last one.
     continues: bool,
     unknown_step: Option<String>,
-    /// Images of a scene that repeats.
+    /// Periodic images, if the scene has a cell.
     cell: Option<CellState>,
     /// Pairs of the curves that are verified that have touched since the first frame, and their
     /// contacts.
@@ -37,8 +37,8 @@ pub(crate) struct EngineState {
 }
 
 impl EngineState {
-    /// Forgets the last frame, for a reason. `last_intact` is the last intact frame that was
-    /// verified meanwhile; `intact` is true if it was the last verified one.
+    /// Forgets the last frame, and records `why`. `last_intact` is the last frame that is known to
+    /// be intact; `intact` is true if it was the last verified one.
     pub fn forget_last_frame(&mut self, last_intact: Option<u64>, intact: bool, why: String) {
         self.continues = false;
         self.intactness.doubt(last_intact, intact);

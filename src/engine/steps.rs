@@ -16,13 +16,13 @@ use std::sync::Arc;
 pub(super) struct Steps {
     /// Pull-throughs that are reported.
     pub events: Events,
-    /// True if steps prove linking numbers, so that frames are kept without a search for
-    /// pull-throughs too.
+    /// True if linking numbers are proven by steps. Frames are then kept even if no pull-throughs
+    /// are searched for.
     incremental: bool,
     ledger: Ledger,
     /// Contacts of the current frame.
     contacts: Contacts,
-    /// True if a search found pairs that are undecided, which a report may omit.
+    /// True if a search found undecided pairs. A report may omit them.
     pub undecided: bool,
     /// Pairs of curves, open ones included, that may have met in the step to the current frame.
     /// `None` if pull-throughs are not searched for, or if there was no step.
@@ -60,8 +60,9 @@ impl Steps {
         self.ledger.set_filter(self.filter.clone());
     }
 
-    /// Searches passages of loops, too, which only prove linking numbers, or not: a full run needs
-    /// none, and loops that jump would sweep the scene.
+    /// Sets whether passages of the loops of braids are searched for. They only prove linking
+    /// numbers: a full run does not need them, and loops that jump would have swept boxes of the
+    /// size of the scene.
     fn search_loops(&mut self, search: bool) {
         let Some(PairFilter::Loops(pairs) | PairFilter::WithoutLoops(pairs)) = &self.filter else {
             return;
@@ -101,8 +102,8 @@ impl Steps {
         }
     }
 
-    /// Returns the linking numbers of the previous frame, if every curve had linking numbers then,
-    /// and still has.
+    /// Returns the linking numbers of the previous frame, unless a curve is degenerate in that
+    /// frame or in this one, and has no linking numbers.
     pub fn numbers(&self, known: &Known, set: &CurveSet) -> Option<Arc<Certificate>> {
         if let Some(PairFilter::WithoutLoops(_)) = self.filter {
             return None;
@@ -113,8 +114,8 @@ impl Steps {
         known.then(|| Arc::clone(certificate))
     }
 
-    /// Returns the outcome of a step to a frame of other curves. The curves that appeared start
-    /// with their contacts in this frame.
+    /// Returns the outcome of a step in which curves appeared or disappeared. The contacts of
+    /// curves that appeared begin in this frame.
     fn outcome_across(&mut self, known: &Known, across: &Across, set: &CurveSet) -> Outcome {
         let coverage = self.coverage();
         let Across { before, curves } = across;
@@ -122,8 +123,8 @@ impl Steps {
         let (contacts, touched) = self.ledger.first_frame(before, coverage);
         let frames = [before, &after];
         let mut step = self.ledger.step(frames, &contacts, coverage, None);
-        // Curves that came into contact before the change may have been on either side, so the step
-        // of their pair is undecided.
+        // Curves that came into contact before the change may have been on either side of each
+        // other, so the step of their pair is undecided.
         let began = touched.iter().map(|t| t.defect).filter(|d| {
             let index = |i: u32| curves[i as usize];
             !known.touch_from_the_start(index(d.i), d.j.map(index))
@@ -143,10 +144,9 @@ impl Steps {
         outcome
     }
 
-    /// Returns the largest proven fraction of the step from the last frame that is known to be
-    /// intact, during which nothing was pulled through. `outcome` is that of the step from the last
-    /// verified frame. Returns `None` if that is another one.
-    ///
+    /// Returns the largest proven fraction of the step, during which nothing was pulled through.
+    /// `outcome` is that of the step from the last verified frame. Returns `None` if that frame is
+    /// not known to be intact.
     /// # Errors
     ///
     /// The errors of [`Frame::set`].
@@ -166,7 +166,7 @@ impl Steps {
         let mut contacts = last.contacts.clone();
         contacts.retain(|pair| self.reports(pair));
         let frames = match &known.braids {
-            // In the precision in which they are given, and without loops.
+            // With the coordinates as they were given, without the loops of braids.
             Some(scene) => scene.step(),
             None => [&**last.frame.set()?, &**frame.set()?],
         };
@@ -176,9 +176,9 @@ impl Steps {
         Ok(Some(fraction))
     }
 
-    /// Begins a frame. Fails if the curves differ from those of the previous frame, because there
-    /// is no motion between different curves. If pull-throughs are not searched for, forgets that
-    /// frame instead.
+    /// Begins a frame. Fails if the curves differ from those of the previous frame, because no
+    /// motion is defined between different curves. If pull-throughs are not reported, forgets the
+    /// previous frame instead of failing.
     pub fn begin(&mut self, known: &mut Known, set: &CurveSet) -> Result<()> {
         (self.met, self.undecided, self.contacts) = (None, false, Contacts::default());
         let jumps = known.braids.as_ref().is_some_and(|braids| braids.jumps);
@@ -192,7 +192,7 @@ impl Steps {
         last.map_or(Ok(()), |last| last.frame.given().check_same_layout(set))
     }
 
-    /// Keeps a verified frame, if the next one is compared with it.
+    /// Keeps a verified frame if the next one will be compared with it.
     pub fn remember(&mut self, known: &mut Known, frame: Frame, linking: LinkingNumbers) {
         known.across = None;
         if self.incremental || self.events != Events::Off {
@@ -236,7 +236,7 @@ impl Steps {
                         self.ledger.step(frames, &last.contacts, coverage, pairs)
                     }
                 };
-                // Noted here, because a report omits such a defect if the pair has another one.
+                // Recorded here, because a report omits this defect if the pair has another one.
                 let mut undecided = outcome.undecided.iter().map(|d| (d.i, d.j.unwrap_or(d.i)));
                 self.undecided |= reports && undecided.any(|pair| self.reports(pair));
                 self.met = reports.then(|| outcome.met_pairs().collect());
@@ -294,8 +294,7 @@ impl Steps {
     }
 }
 
-/// Updates the pairs that have touched since the very first frame: drops those that no longer
-/// touch.
+/// Updates the pairs that have touched since the first frame: removes those that no longer touch.
 fn note_touching(known: &mut Known, outcome: &Outcome) {
     let still = outcome.touching.iter().filter(|t| t.from_the_start);
     let still = still.map(|t| (t.defect.i, t.defect.j.unwrap_or(t.defect.i)));
