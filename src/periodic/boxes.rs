@@ -1,8 +1,8 @@
 //! Boxes of curves in fractional coordinates, in which images are translated by integers.
 //!
-//! The fractional coordinates of a point are its multiples of the lattice vectors. They change
-//! neither if the cell is sheared nor if it grows, as long as the curves follow. A direction
-//! without repetition has a length as its coordinate.
+//! The fractional coordinates of a point are its multiples of the lattice vectors. They do not
+//! change if the cell is sheared or grows, as long as the curves deform with it. Along an axis that
+//! is not periodic, the coordinate is a length.
 //!
 //! # Derivation of the padding
 //!
@@ -23,23 +23,24 @@ use crate::pool;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Padding of the boxes, relative to the largest coordinate, and at least to a cell.
+/// Padding of the boxes, relative to the largest coordinate or to the size of a cell, whichever is
+/// larger.
 const PAD: f64 = 1e-5;
 
-/// Number of points up to which one thread computes their boxes in less time than it takes to pass
-/// work to the pool.
+/// Number of points up to which one thread computes their boxes faster than it can pass the work to
+/// the thread pool.
 const FEW_POINTS: usize = 16_384;
 
 /// Box of a curve in fractional coordinates: minimum and maximum.
 pub(super) type Bounds = [Point; 2];
 
-/// Maker of boxes of the curves of a frame, open or closed.
+/// Computes the fractional boxes of the curves of a frame, open or closed.
 pub(crate) struct Boxer<'a> {
     set: &'a CurveSet,
     pub(super) inverse: [Point; 3],
     /// Size of a cell in fractional coordinates ([`Cell::units`]).
     units: Point,
-    /// Share of its size by which a curve may leave the box of its control points.
+    /// Padding for splines, as a share of the size of the box of the control points.
     spline: f64,
 }
 
@@ -53,7 +54,8 @@ impl<'a> Boxer<'a> {
             inverse: cell.inverse_or_error()?,
             units: cell.units(),
             spline: match set.basis() {
-                // Segments are a sixth of the difference of two control points away from one.
+                // The curve is within a sixth of the difference of two control points from a
+                // control point.
                 Basis::CatmullRom => 0.2,
                 _ => 0.0,
             },
@@ -80,8 +82,8 @@ impl<'a> Boxer<'a> {
         curves.map(|i| self.bounds(i))
     }
 
-    /// Returns the smallest slack of a curve along each direction: `of` returns that of the curve
-    /// with this number and box.
+    /// Returns the minimum slack over all curves along each direction. `of` returns the slack of a
+    /// curve, from its index and its box.
     pub fn smallest_slack(&self, of: impl Fn(usize, &Bounds) -> Point + Send + Sync) -> Point {
         let none = [f64::INFINITY; 3];
         match self.set.points() <= FEW_POINTS {
@@ -96,7 +98,8 @@ impl<'a> Boxer<'a> {
         }
     }
 
-    /// Returns true if the slack of a frame is at most that of another computation, up to rounding.
+    /// Returns true if `slack` is at most `other`, which was computed in another way, up to
+    /// rounding.
     pub fn is_at_most(&self, slack: Point, other: Point) -> bool {
         (0..3).all(|x| slack[x] <= other[x] + 1e-9 * self.units[x])
     }
@@ -113,8 +116,8 @@ impl FractionalBoxes {
         FractionalBoxes(pool::run(segments, || boxer.boxes().collect()))
     }
 
-    /// Returns boxes that contain the curves at all times of the step from another frame, in which
-    /// paths may bend.
+    /// Returns boxes that contain the curves at all times of the step from another frame. Paths
+    /// deviate from straight lines by at most `bend`.
     pub fn swept_from(&self, before: &FractionalBoxes, bend: &Bend) -> FractionalBoxes {
         let both = before.0.iter().zip(&self.0);
         let swept = both.map(|(a, b)| {
@@ -136,14 +139,15 @@ impl FractionalBoxes {
         all.map_or(0.0, |all| sides(&all)[x].max(0.0))
     }
 
-    /// Returns the boxes grown by a margin on all sides: of these shares of the cell, or of these
-    /// lengths.
+    /// Returns the boxes grown by a margin on all sides: a share of the cell along a lattice
+    /// vector, a length along other directions.
     pub fn dilated(&self, margin: Point) -> FractionalBoxes {
         FractionalBoxes(self.0.iter().map(|b| grown(b, margin)).collect())
     }
 
-    /// Returns the slack of another box of a curve: the smallest distance from the faces of its box
-    /// here, along each direction. Negative or NaN if it is not inside.
+    /// Returns the slack of `curve` with the given current box: the smallest distance from the
+    /// faces of its box in `self`, along each direction. Negative or NaN if the current box is not
+    /// inside.
     pub fn slack_for(&self, curve: usize, [lo, hi]: &Bounds) -> Point {
         let around = &self.0[curve];
         per_axis(|x| smaller_or_nan(lo[x] - around[0][x], around[1][x] - hi[x]))
@@ -155,8 +159,8 @@ impl FractionalBoxes {
         sides.fold([0.0; 3], |a, b| per_axis(|x| a[x].max(b[x])))
     }
 
-    /// Returns the curves with boxes of more than half of the cell along a lattice vector: others
-    /// have no segment of this length.
+    /// Returns the curves with boxes of more than half of the cell along a lattice vector. Only
+    /// these can have a segment of that length.
     pub fn wide(&self, cell: &Cell) -> Vec<usize> {
         let periodic = cell.periodic();
         let is_wide = |b: &Bounds| (0..3).any(|x| periodic[x] && sides(b)[x] > 0.5);
@@ -187,12 +191,12 @@ fn sides([lo, hi]: &Bounds) -> Point {
     sub(*hi, *lo)
 }
 
-/// Returns the smaller slack along each direction, or NaN if one of both is NaN.
+/// Returns the smaller slack along each direction, or NaN if either is NaN.
 pub(super) fn smaller_slack(a: Point, b: Point) -> Point {
     per_axis(|x| smaller_or_nan(a[x], b[x]))
 }
 
-/// Returns the smaller number, or NaN if one of both is NaN.
+/// Returns the smaller number, or NaN if either is NaN.
 fn smaller_or_nan(a: f64, b: f64) -> f64 {
     if a <= b || a.is_nan() { a } else { b }
 }
@@ -208,9 +212,9 @@ fn smaller_or_nan(a: f64, b: f64) -> f64 {
 /// = A^-1 D`, the product of the two matrices is `E - t E^2 + ..`, each entry of which is at most
 /// that of `|E| + |E|^2 + ..`. Half of that is twice the bound, which covers rounding.
 ///
-/// An entry is a coordinate along one direction for a unit of another one. So the bound does not
-/// depend on the unit of length, and a direction without repetition does not bend others as long as
-/// its unit vector stands still.
+/// An entry is the coordinate along one direction that a unit of another direction causes. So the
+/// bound does not depend on the unit of length, and an axis that is not periodic does not bend
+/// others as long as its unit vector does not change.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Bend([Point; 3]);
 
@@ -225,7 +229,7 @@ impl Bend {
             return Ok(Bend::default());
         }
         let (entries, units) = (change_of(from, to), from.units());
-        // The norm is that in units of the cell.
+        // Norm in units of the cell.
         let of_row = |(row, unit): (&Point, f64)| dot(*row, units) / unit;
         let mut norms = entries.iter().zip(units).map(of_row);
         // Also true if a number is NaN.
@@ -235,7 +239,8 @@ impl Bend {
             )));
         }
         let mut sum = entries;
-        // The norm of the rest is halved each time.
+        // Each round adds the next power of the matrix; the norm of the remainder is at least
+        // halved.
         for _ in 0..64 {
             let column = |k: usize| per_axis(|m| sum[m][k]);
             sum = per_axis(|r| per_axis(|k| entries[r][k] + dot(entries[r], column(k))));
@@ -249,7 +254,7 @@ impl Bend {
     }
 }
 
-/// Returns the magnitudes of the entries of `A^-1 D` ([`Bend`]). NaN if there are none.
+/// Returns the magnitudes of the entries of `A^-1 D` ([`Bend`]). NaN if the cell has no inverse.
 fn change_of(from: &Cell, to: &Cell) -> [Point; 3] {
     let (Some(a), Some(b), Some(inverse)) = (from.basis(), to.basis(), from.inverse()) else {
         return [[f64::NAN; 3]; 3];

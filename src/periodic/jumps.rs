@@ -1,34 +1,34 @@
 //! Curves that jump by a lattice vector from one frame to the next.
 //!
 //! Simulations move a whole molecule back into the cell once its centre has left it. Such a curve
-//! is followed: it is translated by the lattice vector back to where it came from, in this frame
-//! and in all later ones.
+//! is translated back by the lattice vector, in this frame and in all later ones, so that its
+//! motion is continuous.
 //!
 //! # What is a jump, and what is a motion
 //!
 //! The motion of a curve in a step is known up to a lattice vector. A curve jumped if its first
-//! point moved by more than half of the cell along a vector, and all its points would move by at
-//! most [a third](LONGEST) if it was translated back. Other curves are taken as they are given. So
-//! a motion is taken for a jump only if it leads to within a third of the cell of an image of the
-//! curve, where the structure is the same in both cases.
+//! point moved by more than half of the cell along a vector, and if all its points, translated
+//! back, moved by at most [a third](LONGEST). Other curves are used as they are given. So a motion
+//! is mistaken for a jump only if it ends within a third of the cell of an image of the curve,
+//! where the structure is the same in both cases.
 //!
-//! Cost: a few operations per curve. A frame in which a curve is not at its first image is copied.
+//! Cost: a few operations per curve. A frame in which a curve is translated is copied.
 
 use super::unwrap::{LONGEST, fractional};
 use crate::curve::vector::{add, per_axis, sub};
 use crate::curve::{Cell, CurveSet, Image, Point, Positions, is_home, plus};
 use crate::error::Result;
 
-/// Follows the curves of successive frames.
+/// Detects jumps in successive frames, and translates the curves back.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Jumps {
     /// First point of each curve in the previous frame as given, in fractional coordinates of the
-    /// cell of that frame, and the translation by which the curve is followed.
+    /// cell of that frame, and the translation of the curve.
     before: Vec<(Point, Image)>,
     /// First points and translations of the current frame, until it is verified.
     #[serde(skip)]
     current: Vec<(Point, Image)>,
-    /// Number of jumps so far, and of those to the current frame.
+    /// Number of jumps so far, and number of jumps in the step to the current frame.
     count: [u64; 2],
 }
 
@@ -44,17 +44,17 @@ impl Jumps {
         all.filter(|(_, image)| !is_home(image)).collect()
     }
 
-    /// Continues from the current frame: it was verified.
+    /// Makes the current frame the previous one, because it was verified.
     pub fn commit(&mut self) {
         std::mem::swap(&mut self.before, &mut self.current);
         self.count[0] += std::mem::take(&mut self.count[1]);
     }
 
-    /// Returns the curves of a frame where they are followed; `None`: they are as given. `previous`
-    /// is the previous frame where its curves are followed, with its cell. In a first frame, the
-    /// curves of `translated` have these translations.
+    /// Returns the curves of a frame, translated so that they continue those of the previous frame;
+    /// `None` if none is translated. `previous` is the previous frame, translated, with its cell.
+    /// In a first frame, the curves of `translated` get these translations.
     ///
-    /// Curves that are followed have double precision.
+    /// The returned curves have double precision.
     ///
     /// # Errors
     ///
@@ -85,7 +85,7 @@ impl Jumps {
         for (i, (u, before)) in firsts.zip(before).enumerate() {
             let step = sub(u, before.0);
             self.current.push((u, before.1));
-            // Most curves.
+            // Most curves do not jump.
             if step.iter().all(|x| x.abs() <= 0.5) {
                 continue;
             }

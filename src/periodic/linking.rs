@@ -4,20 +4,20 @@
 //!
 //! The number is the sum of the signs of all crossings at which the yarn passes over the closed
 //! curve, seen along an axis that is not parallel to the period. Only finitely many images of one
-//! period are above or below the closed curve then. The yarn is closed far away, where its
-//! projection no longer meets that of the closed curve. Vertices of images are exact sums.
+//! period are then above or below the closed curve. The yarn is closed far away, where its
+//! projection does not meet that of the closed curve. Vertices of images are exact sums.
 //!
 //! Cost: that of counting crossings ([`crate::kernels::crossings`]), for each of these images.
 //!
 //! # Proof: the polylines of splines
 //!
-//! The images that are above or below the closed curve are all that may be near it. Segments of
-//! both are split until the hulls of their pieces are apart, by more than rounding errors and the
-//! gap between the end of a period and the start of the next one. A segment of the closed curve is
-//! split in the same way for all images: at every split that one of them needs, since the hull of a
-//! part is within the hull of the whole. Each image of a segment of the yarn has splits of its own.
-//! So the closed curve and the whole yarn are replaced by one polyline each, and each piece can be
-//! pulled straight within its hull ([`crate::discretize`]).
+//! All images that may be near the closed curve are above or below it. Segments of both are split
+//! until the hulls of their pieces are apart, by more than rounding errors and the gap between the
+//! end of a period and the start of the next one. A segment of the closed curve has the same splits
+//! for all images: every split that some image needs, because the hull of a part is within the hull
+//! of the whole. Each image of a segment of the yarn has its own splits. So the closed curve and
+//! the whole yarn are replaced by one polyline each, and each piece can be pulled straight within
+//! its hull ([`crate::discretize`]).
 
 use super::pairs::PointLimit;
 use super::through::RingAndYarn;
@@ -40,10 +40,12 @@ pub(crate) type Number = (RingAndYarn, Counted);
 /// A linking number, or the reason why there is none.
 type Counted = Result<i64, (DefectKind, Place)>;
 
-/// A yarn of the set, its segment, and one of the closed curve.
+/// Two near segments: the index of the yarn in the set, and the segments of the yarn and of the
+/// closed curve.
 type Near = (usize, [u32; 2]);
 
-/// Returns the linking numbers of these pairs. `periods` has that of each curve.
+/// Returns the linking numbers of these pairs. `periods` has the period of each curve, if it has
+/// one.
 ///
 /// # Errors
 ///
@@ -93,7 +95,7 @@ struct View {
     pair: RingAndYarn,
     /// Axis of projection.
     axis: usize,
-    /// Multiples of the period of these images.
+    /// First and last multiple of the period among these images.
     from: i32,
     to: i32,
 }
@@ -106,7 +108,8 @@ impl View {
             bounds(points)
         });
         let period = cell.translation(pair.period);
-        // The projection in which a period is longest.
+        // The axis of projection along which a period is shortest, so that its projection is
+        // longest.
         let size = |x: usize| period[x].abs();
         let shortest = (0..3).min_by(|&a, &b| size(a).total_cmp(&size(b)));
         let w = shortest.unwrap_or(2);
@@ -147,7 +150,8 @@ impl View {
             let place = match self.pair.ring < self.pair.yarn {
                 true => closest_of_segments(set, [ring, yarn], [t, s]),
                 false => {
-                    // The yarn comes first, and the closed curve is translated.
+                    // A pair has the curve with the lower index first, here the yarn, and
+                    // translates the second one, so the place is translated, too.
                     let mut place = closest_of_segments(set, [yarn, ring], [s, t]);
                     let by = cell.translation(self.pair.pair().image);
                     place.point = per_axis(|x| place.point[x] + by[x]);
@@ -193,12 +197,12 @@ impl View {
     }
 }
 
-/// Polylines of a whole yarn and of a closed curve; for each edge of the first one the image of the
-/// yarn and the segment, and for each edge of the second one the segment.
+/// Polylines of a whole yarn and of a closed curve. For each edge of the first one: the image of
+/// the yarn, and the segment. For each edge of the second one: the segment.
 type Polylines = (CurveSet, Vec<(usize, u32)>, Vec<u32>);
 
-/// Returns polylines of images of a yarn, one period after the other, and of a closed spline, that
-/// are link homotopic to them, or segments that are too close.
+/// Returns a polyline of consecutive images of a yarn and a polyline of a closed spline. Together
+/// they are link homotopic to the splines. Fails with two segments that are too close.
 fn split(set: &CurveSet, ring: usize, yarns: &[usize]) -> Result<Polylines, Near> {
     let ends = |i: usize| [0, set.curve(i).segments].map(|s| set.knot(i, s as usize));
     let gaps = yarns.windows(2).flat_map(|next| {
@@ -233,7 +237,7 @@ fn split(set: &CurveSet, ring: usize, yarns: &[usize]) -> Result<Polylines, Near
         refined.map_err(|[t, s]| (yarn, [s, t]))?;
         let [first, second] = &halving.splits;
         of_ring.extend_from_slice(&first.at);
-        // A period ends where the next one starts.
+        // Skips the last vertex of a period, which is the first one of the next period.
         discretize::vertices(set, yarn, &second.at, |s, p| {
             xyz.extend(p);
             along.push((yarn, s));
@@ -246,7 +250,7 @@ fn split(set: &CurveSet, ring: usize, yarns: &[usize]) -> Result<Polylines, Near
         edges.push(s);
     });
     xyz.extend(ends(ring)[1]);
-    // Both end at their last vertex. A closed polyline would need three.
+    // Both are given as open polylines, because a closed one would need three vertices.
     let counts = [along.len(), edges.len()].map(|edges| edges as i32 + 1);
     let both = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz));
     Ok((both.expect("vertices of valid curves"), along, edges))

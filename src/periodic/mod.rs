@@ -17,9 +17,9 @@
 //!
 //! # Names of the images
 //!
-//! The coordinates of a curve may be those of any of its images. Moving curve `j` by a lattice
-//! vector `s` subtracts `s` from the `n` of its entries. The text of a certificate does not depend
-//! on such choices ([`canonical`]).
+//! A curve may be given by the coordinates of any of its images. If curve `j` is given by the image
+//! that is translated by a lattice vector `s`, then `s` is subtracted from the `n` of its entries.
+//! The text of a certificate does not depend on such choices ([`canonical`]).
 
 mod beside;
 mod boxes;

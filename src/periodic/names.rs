@@ -1,27 +1,29 @@
-//! Names of the images: each curve may be given by the coordinates of any of its images.
+//! Names of the images. Each curve may be given by the coordinates of any of its images, and an
+//! image is named by its translation from the given one.
 //!
 //! If each curve `i` is moved by a lattice vector `s[i]`, the entry `i, j, n` becomes
 //! `i, j, n + s[i] - s[j]`. Two lists of entries describe the same periodic topology if some `s`
 //! maps one to the other.
 //!
-//! The translation of a ring and a yarn that runs through the cell counts up to multiples of the
-//! period of the yarn.
+//! The translation in the entry of a ring and a yarn (a curve that runs through the cell) is
+//! defined only up to multiples of the period of the yarn.
 //!
 //! # Canonical names, which follow from the entries alone
 //!
-//! Curves are visited breadth first along the entries, from the smallest of each connected part. An
-//! entry by which a curve is reached first gets the translation 0: of several, the smallest one in
-//! an order that moving a curve does not change. The translations of all other entries follow from
-//! these, except for one freedom: if a curve is reached by the entry of a ring and a yarn, this
-//! curve and all that are reached through it may be moved by the period of that yarn. Such motions
-//! change an entry by the vectors of some lattice, its own period included. Each entry in turn gets
-//! the smallest remainder modulo this lattice. Only motions that do not change it remain.
+//! Curves are visited breadth first along the entries, from the smallest curve of each connected
+//! part. The entry by which a curve is first reached gets the translation 0. If several entries
+//! reach it, the smallest one is used, in an order that does not change if a curve is moved. The
+//! translations of all other entries follow from these, with one freedom: if a curve is reached by
+//! the entry of a ring and a yarn, this curve and all curves that are reached through it may be
+//! moved by the period of that yarn. Such motions change an entry by the vectors of a lattice,
+//! which includes its own period. Each entry in turn gets the smallest remainder modulo this
+//! lattice. Only motions that do not change this entry remain for the next ones.
 //!
 //! # Limits
 //!
-//! If a period is a multiple of a lattice vector, images between its ends have no order that
-//! motions do not change. If several entries of one ring and such a yarn differ by a fraction of
-//! the period, the names may then depend on the coordinates.
+//! If a period is a multiple of a lattice vector, no order of the images between its ends is the
+//! same after all motions. If several entries of one ring and such a yarn differ by a fraction of
+//! the period, the names may therefore depend on the coordinates.
 
 use super::ImagePair;
 use super::through::{YarnPeriod, period_of_pair, reduced};
@@ -29,7 +31,7 @@ use crate::curve::vector::per_axis;
 use crate::curve::{Image, minus, plus};
 use std::collections::{BTreeMap, VecDeque};
 
-/// An entry of a list of linking numbers; `None`: the pair has no linking number. The translation
+/// An entry of a list of linking numbers. `None`: the pair has no linking number. The translation
 /// may be 0.
 pub(crate) type Entry = (ImagePair, Option<i64>);
 
@@ -39,7 +41,7 @@ type Neighbours = Vec<Vec<(u32, Image, Option<i64>)>>;
 fn neighbours(curves: usize, entries: &[Entry]) -> Neighbours {
     let mut of = vec![Vec::new(); curves];
     for &(ImagePair { i, j, image }, lambda) in entries {
-        // The images of a curve itself keep their names.
+        // An entry of a curve and its own image does not change if the curve is moved.
         if i != j {
             of[i as usize].push((j, image, lambda));
             of[j as usize].push((i, minus(Image::default(), image), lambda));
@@ -51,7 +53,7 @@ fn neighbours(curves: usize, entries: &[Entry]) -> Neighbours {
     of
 }
 
-/// Returns entries under the names after curves were moved by `shifts`.
+/// Returns the entries after each curve `i` was moved by `shifts[i]`.
 fn renamed(entries: &[Entry], shifts: &[Image]) -> Vec<Entry> {
     let rename = |&(pair, lambda): &Entry| {
         let ImagePair { i, j, image } = pair;
@@ -74,11 +76,12 @@ pub(crate) fn reduced_all(entries: &[Entry], periods: &[YarnPeriod]) -> Vec<Entr
     out
 }
 
-/// Returns the entries of a baseline under the names that a frame has for the images, reduced and
-/// sorted, such that many entries are equal. If the topology is the same, all are.
+/// Returns the entries of a baseline with the names that the images have in a frame, reduced and
+/// sorted, so that as many entries as possible equal those of the frame. If the topology is the
+/// same, all do.
 ///
-/// If it is not, curves are visited breadth first along the pairs that are linked in both. The
-/// first names that most of the pairs with known names agree on are taken.
+/// If it is not, curves are visited breadth first along the pairs that are linked in both. Each
+/// curve is moved so that it agrees with most of the curves that were visited before.
 pub(crate) fn aligned(
     curves: usize,
     baseline: &[Entry],
@@ -114,8 +117,8 @@ pub(crate) fn aligned(
     reduced_all(&renamed(baseline, &shifts), periods)
 }
 
-/// Returns the motion of curve `j` of the baseline with which most of its entries with curves of
-/// known motion are those of the frame; `None` if there is no such entry.
+/// Returns the motion of curve `j` of the baseline after which most of its entries equal those of
+/// the frame, among the entries with curves whose motion is known. `None` if no entry is equal.
 fn most_agreed(j: u32, [before, now]: [&Neighbours; 2], shifts: &[Option<Image>]) -> Option<Image> {
     let mut votes = BTreeMap::<Image, u32>::new();
     for &(i, was, lambda) in &before[j as usize] {
@@ -132,8 +135,8 @@ fn most_agreed(j: u32, [before, now]: [&Neighbours; 2], shifts: &[Option<Image>]
     votes.into_iter().find(|v| v.1 == most).map(|v| v.0)
 }
 
-/// Returns the entries under names that follow from the entries and the periods alone, sorted: they
-/// are the same whichever images the coordinates belong to.
+/// Returns the entries with canonical names, sorted. The names follow from the entries and the
+/// periods alone, and do not depend on the images by which the curves are given.
 pub(crate) fn canonical(curves: usize, entries: &[Entry], periods: &[YarnPeriod]) -> Vec<Entry> {
     let tree = Tree::new(curves, entries, periods);
     let motions = (0..tree.free.len()).map(|k| Motion::from([(k, 1)]));
@@ -157,9 +160,9 @@ pub(crate) fn canonical(curves: usize, entries: &[Entry], periods: &[YarnPeriod]
     named
 }
 
-/// Returns numbers by which translations are sorted. Their order does not change if the same vector
-/// is added to all. They are equal if two translations differ by a multiple of a fraction of the
-/// period.
+/// Returns a key by which translations are sorted. The order of two translations does not change if
+/// the same vector is added to both. The keys are equal if the translations differ by a multiple of
+/// a fraction of the period.
 fn rank(image: Image, period: Option<Image>) -> [i64; 3] {
     let n = image.map(i64::from);
     let Some(p) = period.map(|p| p.map(i64::from)) else {
@@ -171,14 +174,15 @@ fn rank(image: Image, period: Option<Image>) -> [i64; 3] {
     [across(y.min(z)), across(y.max(z)), 0]
 }
 
-/// The entries by which curves are reached first.
+/// Spanning forest of the curves: the entries by which they are first reached.
 struct Tree {
     /// Motion of each curve that makes these entries 0.
     shifts: Vec<Image>,
-    /// Curves in the order of a walk through the tree: each curve is followed by all that are
-    /// reached through it. First and last place of each.
+    /// Range of each subtree in a depth-first order of the curves: the place of the curve, and the
+    /// place after its last descendant.
     places: Vec<[usize; 2]>,
-    /// Curves that are reached by an entry of a ring and a yarn, and the period of that yarn.
+    /// Curves that are reached by the entry of a ring and a yarn, and the period of that yarn.
+    /// Their subtrees may be moved by it.
     free: Vec<(usize, Image)>,
 }
 
@@ -214,7 +218,7 @@ impl Tree {
         }
         let mut places = vec![[0; 2]; curves];
         let mut count = 0;
-        // Each curve twice: on the way down, and on the way up.
+        // Each curve is on the stack twice: before and after its subtree.
         let mut stack: Vec<(usize, bool)> = roots.into_iter().rev().map(|i| (i, false)).collect();
         while let Some((i, done)) = stack.pop() {
             if done {
@@ -233,7 +237,7 @@ impl Tree {
         }
     }
 
-    /// Returns how an entry changes if the curves at a free place are moved once.
+    /// Returns the change of an entry if free subtree `k` is moved by its period once.
     fn effect(&self, k: usize, (i, j): (u32, u32)) -> [i64; 3] {
         let (root, period) = self.free[k];
         let [first, last] = self.places[root];
@@ -243,10 +247,10 @@ impl Tree {
     }
 }
 
-/// Multiples of the motions of the free places of a tree.
+/// How often each free subtree is moved by its period.
 type Motion = BTreeMap<usize, i64>;
 
-/// Motions that remain, and the one that is made.
+/// Motions that may still be made, and the motion that was made so far.
 struct Gauge<'a> {
     tree: &'a Tree,
     /// Independent motions that change none of the entries so far.
@@ -254,7 +258,7 @@ struct Gauge<'a> {
     made: Motion,
 }
 
-/// Adds a multiple of a motion.
+/// Adds `times` a motion to another one.
 fn add(to: &mut Motion, motion: &Motion, times: i64) {
     for (&k, &n) in motion {
         let sum = to.entry(k).or_default();
@@ -273,21 +277,21 @@ impl Gauge<'_> {
         sum
     }
 
-    /// Returns the translation of an entry, which counts up to multiples of a period, and keeps
-    /// only the motions that do not change it.
+    /// Returns the canonical translation of an entry, modulo its period, and keeps only the motions
+    /// that do not change it.
     fn fix(&mut self, ImagePair { i, j, image }: ImagePair, period: Option<Image>) -> Image {
         let [from, to] = [i, j].map(|i| self.tree.shifts[i as usize]);
         let made = self.effect(&self.made, (i, j));
         let named = minus(plus(image, from), to);
         let mut value = per_axis(|x| i64::from(named[x]).wrapping_add(made[x]));
-        // Vectors by which the entry may change, and the motions that do so.
+        // Vectors by which the entry may be changed, and the motions that change it.
         let motions = std::mem::take(&mut self.rest).into_iter();
         let effects = motions.map(|motion| (self.effect(&motion, (i, j)), motion));
         let (mut vectors, mut rest): (Vec<_>, Vec<_>) =
             effects.partition(|(effect, _)| *effect != [0; 3]);
         vectors.extend(period.map(|period| (period.map(i64::from), Motion::new())));
         for x in 0..3 {
-            // Euclid's algorithm: a single vector with this component remains.
+            // Euclid's algorithm, until a single vector with this component remains.
             while let Some(k) = smallest(&vectors, x) {
                 let (pivot, motion) = vectors.swap_remove(k);
                 let mut divided = true;

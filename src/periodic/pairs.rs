@@ -2,11 +2,12 @@
 //!
 //! # Proof: no pair is missed
 //!
-//! Let the boxes of curve `i` and of curve `j`, translated by `n`, overlap. Both are translated by
-//! the lattice vector that brings the centre of the box of `i` into the first cell. Curve `j` is
-//! then some image of its box with the centre in the first cell, and overlaps the box around all
-//! such boxes. The search enumerates all images that overlap that box, and compares all pairs.
-//! Translations are integers in fractional coordinates, so only the boxes are rounded, outward.
+//! Let the box of curve `i` overlap the box of curve `j`, translated by `n`. Translate both by the
+//! lattice vector that brings the centre of the box of `i` into the first cell. The box of `j` is
+//! then an image of its box with the centre in the first cell, and overlaps the union of all boxes
+//! with their centres in the first cell. The search enumerates all images that overlap the bounds
+//! of this union, and compares all pairs. Translations are integers in fractional coordinates, so
+//! only the boxes are rounded, outward.
 
 use super::boxes::{Bend, Boxer, FractionalBoxes, single, smaller_slack};
 use super::through::RingAndYarn;
@@ -21,36 +22,36 @@ use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-/// Maximum number of images that are compared, if the curves have fewer than [`IMAGES`] each: about
-/// 40 bytes each.
+/// Maximum number of images that are compared, unless this is less than [`IMAGES`] per curve. An
+/// image takes about 40 bytes.
 const MOST_IMAGES: u64 = 1 << 22;
 
-/// Number of images of each curve that are always compared.
+/// Number of images per curve that are allowed in any case.
 const IMAGES: u64 = 64;
 
-/// Maximum number of points of the curves that are translated, if the frame has fewer than a
-/// [`COPIES`]th: about 120 bytes each.
+/// Maximum number of points of translated curves, unless this is less than [`COPIES`] times the
+/// points of the frame. A point takes about 120 bytes.
 const MOST_POINTS: usize = 1 << 22;
 
-/// Number of copies of the whole frame that the translated curves may always have.
+/// Number of copies of the whole frame that are allowed in any case.
 const COPIES: usize = 32;
 
-/// Maximum number of pairs of overlapping images, if the curves have fewer than [`IMAGES`] each:
-/// about 16 bytes each during the search.
+/// Maximum number of pairs of overlapping images, unless this is less than [`IMAGES`] per curve. A
+/// pair takes about 16 bytes during the search.
 const MOST_PAIRS: usize = 1 << 24;
 
 /// Largest number of cells that a curve may be away from the first one.
 const FARTHEST: f64 = (1_u32 << 30) as f64;
 
-/// Largest distance that curves may move before the images are searched for again, as a share of
-/// the cell. A larger one needs more images.
+/// Margin: maximum distance that curves may move before the images are searched again, as a share
+/// of the cell. A larger margin requires more images.
 const MARGIN: f64 = 0.05;
 
-/// Upper bound of that distance, as a share of the mean size of the curves.
+/// Upper bound of the margin, as a share of the mean size of the curves.
 const OF_SIZE: f64 = 0.5;
 
-/// Largest distance along directions without repetition, as a share of the extent of the scene. It
-/// adds no image.
+/// Margin along axes that are not periodic, as a share of the extent of the scene. It requires no
+/// additional images.
 const ACROSS: f64 = 0.5;
 
 /// A curve `i`, and curve `j` translated by a lattice vector: `i < j`, or `i = j` and the
@@ -95,13 +96,13 @@ impl Searched<'_> {
     }
 }
 
-/// Curves, and images of them that may meet a curve.
+/// The curves of a frame, and the images of them that may meet a curve.
 #[derive(Debug)]
 pub(crate) struct ImagePairs {
     /// All curves of the frame, and translated ones, sorted.
     pub curves: Translated,
     pub state: ImageState,
-    /// Largest sides of the boxes of the state.
+    /// Largest sides of the boxes in `state.within`.
     sides: Point,
 }
 
@@ -110,21 +111,21 @@ pub(crate) struct ImagePairs {
 pub(crate) struct ImageState {
     /// All curves of the frame, and translated ones, sorted.
     curves: Vec<(u32, Image)>,
-    /// Pairs of a closed curve and one that runs through the cell that may be linked.
+    /// Pairs of a closed curve and a yarn that may be linked.
     pub yarns: Vec<RingAndYarn>,
     /// Curves that may have a segment of more than half of the cell.
     pub wide: Vec<usize>,
-    /// The search remains complete as long as the curves stay within these boxes.
+    /// The list of pairs is complete as long as the curves stay within these boxes.
     within: FractionalBoxes,
 }
 
-/// Map to a quiet frame, and a lower bound of the slack of that frame.
+/// Map to a quiet frame, and a lower bound of the slack of that frame ([`ImagePairs::slack`]).
 pub(crate) type QuietSlack = (PointMap, Point);
 
 impl ImagePairs {
-    /// Finds all pairs of curves with boxes that overlap, or come closer than twice a margin, and
-    /// adds some pairs. The search is repeated when curves have moved by the margin: a share of the
-    /// cell, or a length along directions without repetition.
+    /// Finds all pairs of curves whose boxes overlap after they are grown by a margin, and adds the
+    /// given pairs. The margin is a share of the cell, or a length along axes that are not
+    /// periodic. The search must be repeated once a curve has moved by the margin.
     ///
     /// # Errors
     ///
@@ -170,22 +171,23 @@ impl ImagePairs {
         }
     }
 
-    /// Returns the slack of a frame: the smallest distance of a curve's box from the faces of its
-    /// dilated box, along each direction. Negative or NaN if a box is not inside.
+    /// Returns the slack of a frame along each direction: the minimum over all curves of the
+    /// distance of the box from the faces of its grown box in the search. Negative or NaN if a box
+    /// is not inside.
     pub fn slack(&self, boxer: &Boxer<'_>) -> Point {
         boxer.smallest_slack(|i, b| self.state.within.slack_for(i, b))
     }
 
-    /// Returns true if this slack, at one end of a step with this bend, suffices. If it does at
-    /// both ends, no other pairs can have come within reach of one another in the step.
+    /// Returns true if the slack at one end of a step with this bend is sufficient. If it is at
+    /// both ends, no pair that is not listed can have met in the step.
     pub fn is_enough(&self, slack: Point, bend: &Bend) -> bool {
         let most = bend.of(self.sides);
         (0..3).all(|x| slack[x] >= most[x])
     }
 
-    /// Returns a lower bound of the slack of a quiet frame, without reading its points: that of an
-    /// earlier frame, less the difference of the maps of both; or, if that is not enough for a step
-    /// with this bend, a bound from the boxes of all curves.
+    /// Returns a lower bound of the slack of a quiet frame, without reading its points: the slack
+    /// of an earlier frame minus the difference of the maps of both frames. If that is not
+    /// sufficient for a step with this bend, computes a bound from the boxes of all curves.
     ///
     /// # Derivation: slack in another frame
     ///
@@ -225,26 +227,26 @@ impl ImagePairs {
         self.curves.len() > self.state.within.0.len()
     }
 
-    /// Returns a pair of the filter: the first curve is not translated.
+    /// Returns the names of two curves, of which the first one is not translated.
     pub fn pair(&self, a: u32, b: u32) -> ImagePair {
         let [(i, _), (j, image)] = [a, b].map(|k| self.curves[k as usize]);
         ImagePair { i, j, image }
     }
 
-    /// Returns the numbers of both curves of a pair, the one that is not translated first.
+    /// Returns the indices of the two curves of a pair. The first one is not translated.
     pub fn find_pair(&self, pair: ImagePair) -> Option<(u32, u32)> {
         let own = self.find_curve((pair.i, Image::default()))?;
         Some((own, self.find_curve((pair.j, pair.image))?))
     }
 
-    /// Returns the number of a translated curve.
+    /// Returns the index of a translated curve.
     pub fn find_curve(&self, key: (u32, Image)) -> Option<u32> {
         let found = self.curves.binary_search_by_key(&order(&key), order);
         found.ok().map(|k| k as u32)
     }
 }
 
-/// Returns the key by which translated curves are sorted: those that are not translated come first.
+/// Returns the sort key of translated curves. Curves that are not translated come first.
 fn order(&(curve, image): &(u32, Image)) -> (bool, Image, u32) {
     (image != Image::default(), image, curve)
 }
@@ -348,9 +350,10 @@ impl PointLimit {
     }
 }
 
-/// Returns all pairs of a box and an image of another one, or of itself, that overlap: both boxes,
-/// and the translation of the second one. Boxes are in fractional coordinates. A pair may come
-/// twice, in both orders. `links` may have a limit; if it is exceeded, pairs are missing.
+/// Returns all pairs of a box and an image of another box, or of itself, that overlap: the indices
+/// of both boxes, and the translation of the second one. Boxes are in fractional coordinates. A
+/// pair may occur twice, once in each order. If `links` has a limit and it is exceeded, pairs are
+/// missing.
 ///
 /// # Errors
 ///
@@ -408,7 +411,7 @@ pub(crate) fn overlapping<'a, F: Fn(usize) -> bool>(
     let pairs = links.find(&singles).iter();
     Ok(pairs.filter_map(move |&(a, b)| {
         let [(i, m), (j, n)] = [a, b].map(|k| images[k as usize]);
-        // One of both has its centre in the first cell.
+        // At least one of the two boxes has its centre in the first cell.
         if m != Image::default() && n != Image::default() {
             return None;
         }
@@ -434,7 +437,7 @@ pub(crate) fn home_of([lo, hi]: &[Point; 2], periodic: [bool; 3]) -> Option<Imag
     Some(home)
 }
 
-/// Returns all triples of numbers in these ranges.
+/// Returns all integer triples in these ranges.
 pub(crate) fn images_in([a, b, c]: [RangeInclusive<i32>; 3]) -> impl Iterator<Item = Image> {
     a.flat_map(move |i| {
         let c = c.clone();

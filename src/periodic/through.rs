@@ -1,4 +1,5 @@
-//! Curves that run through the cell: yarns that close up to a lattice vector, their period.
+//! Yarns: curves that run through the cell. A yarn ends at an image of its start; the lattice
+//! vector between the two is its period.
 //!
 //! Such a curve is given as an open curve from a vertex to an image of that vertex, up to the
 //! rounding of the coordinates ([`tolerance`]). Together with
@@ -13,16 +14,16 @@ use crate::curve::{Cell, CurveSet, Image, Point, Precision, pow2, significant};
 use crate::words::if_any;
 use serde::{Deserialize, Serialize};
 
-/// Returns the largest distance of the end of a curve from the image of its start along a
-/// direction, relative to the size of the cell and of the coordinates of both.
+/// Returns the tolerance of [`period`]: the largest distance of the end of a curve from the image
+/// of its start along a direction, relative to the size of the cell and of both coordinates.
 ///
 /// # Derivation
 ///
-/// Let the end be the exact image of the start. With `u` the rounding unit of the input, both are
-/// off by at most `u` times their size, and the lattice vectors by `u` times theirs. Three more
-/// roundings happen in a simulation that adds the vectors in this precision. The tolerance is eight
-/// roundings of single precision; for double precision, it is much larger, because such coordinates
-/// may come from a calculation or a text.
+/// Let the end be the exact image of the start. With `u` the rounding unit of the input, both have
+/// an error of at most `u` times their size, and the lattice vectors of `u` times theirs. A
+/// simulation that adds the vectors in this precision causes three more roundings. The tolerance is
+/// eight roundings of single precision. For double precision it is much larger than eight
+/// roundings, because such coordinates may have been computed, or read from a text.
 fn tolerance(precision: Precision) -> f64 {
     match precision {
         Precision::F32 => 8.0 * pow2(-24),
@@ -30,7 +31,7 @@ fn tolerance(precision: Precision) -> f64 {
     }
 }
 
-/// A closed curve, and an infinite curve translated by a lattice vector.
+/// A closed curve, and an image of a yarn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct RingAndYarn {
     pub ring: u32,
@@ -51,7 +52,7 @@ impl RingAndYarn {
     }
 
     /// Returns the pair of curve `i` and curve `j` translated by `image`, if one of them is a yarn:
-    /// it has one of these periods.
+    /// a curve with a period in `periods`.
     pub fn between(
         (i, j): (u32, u32),
         image: Image,
@@ -64,7 +65,7 @@ impl RingAndYarn {
         }
     }
 
-    /// Returns the pair under the name that certificates have for it.
+    /// Returns the pair as certificates name it.
     pub fn pair(&self) -> ImagePair {
         let (i, j, image) = match self.ring < self.yarn {
             true => (self.ring, self.yarn, self.image),
@@ -77,7 +78,7 @@ impl RingAndYarn {
     }
 }
 
-/// A yarn that runs through the cell, and its period.
+/// A yarn, and its period.
 pub(crate) type YarnPeriod = (u32, Image);
 
 /// Returns the period of the yarn if one of two curves is a yarn. `periods` is sorted.
@@ -89,7 +90,7 @@ pub(crate) fn period_of_pair(periods: &[YarnPeriod], i: u32, j: u32) -> Option<I
     period(i).xor(period(j))
 }
 
-/// Returns a translation that differs by a multiple of a period, the same one for all that do.
+/// Returns a canonical representative of a translation modulo a period.
 pub(crate) fn reduced(image: Image, period: Image) -> Image {
     let Some(x) = (0..3).find(|&x| period[x] != 0) else {
         return image;
@@ -127,11 +128,11 @@ pub(crate) fn period_in(
 
 /// The ends of an open curve.
 struct Ends {
-    /// The image of the start that is nearest to the end: not the start itself.
+    /// The image of the start, other than the start itself, that is nearest to the end.
     image: Image,
-    /// Difference of the end from it along each direction.
+    /// Difference of the end from that image along each direction.
     off: Point,
-    /// Size of the cell and of the coordinates of both.
+    /// Size of the cell and of both coordinates, along each direction.
     size: Point,
     /// Distance of the end from the image.
     distance: f64,
@@ -166,9 +167,9 @@ impl Ends {
     }
 }
 
-/// Returns in words which curves almost run through the cell, but are taken for open ones: their
-/// ends differ from an image of their starts by more than rounding, and by less than their longest
-/// segment. `None` if there are none.
+/// Returns a text that names the curves that almost run through the cell, but are treated as open
+/// curves: their ends differ from an image of their starts by more than rounding, and by less than
+/// their longest segment. `None` if there are none.
 pub(crate) fn almost_yarns(set: &CurveSet, cell: &Cell) -> Option<String> {
     let mut almost = (0..set.len()).filter_map(|i| {
         let ends = Ends::new(set, i, cell)?;

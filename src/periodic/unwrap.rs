@@ -1,8 +1,9 @@
 //! Curves that are torn at the boundary of a periodic cell, and unwrapping of their coordinates.
 //!
-//! Simulations move points that leave the cell to its other side. A curve that crosses the boundary
-//! is then torn: two consecutive points are about a cell apart. No simulation has a segment of half
-//! a cell, because an image of the other end would be closer, so such a curve is refused.
+//! Simulations move points that leave the cell to its opposite side. A curve that crosses the
+//! boundary is then torn: two consecutive points are about a cell apart. No simulation has
+//! a segment of more than half a cell, because an image of its other end would be closer, so such
+//! a curve is refused.
 //!
 //! Cost: three products per segment and periodic direction.
 
@@ -10,8 +11,8 @@ use crate::curve::vector::{add, dot, sub};
 use crate::curve::{Basis, Cell, CurveSet, Image, Point, Positions};
 use crate::error::{Error, Result};
 
-/// Largest share of the cell that a segment may have along a vector. The nearest image of its end
-/// would be a guess if it were longer.
+/// Maximum length of a segment along a lattice vector, as a share of the cell. For a longer
+/// segment, the choice of the nearest image of its end would be a guess.
 pub(super) const LONGEST: f64 = 1.0 / 3.0;
 
 /// Unwraps the curves of successive frames.
@@ -41,12 +42,12 @@ pub(super) const LONGEST: f64 = 1.0 / 3.0;
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Unwrap {
     /// First vertex of each curve in the previous frame as given, in fractional coordinates of the
-    /// cell of that frame, and the image at which it is unwrapped.
+    /// cell of that frame, and the translation of that vertex by the unwrapping.
     before: Vec<(Point, Image)>,
 }
 
 /// Returns the function that converts points to fractional coordinates, from the corner of the
-/// cell. If a scene is scaled with its cell, they stay the same, unlike the points.
+/// cell. These do not change if a scene is scaled together with its cell.
 pub(super) fn fractional(cell: &Cell) -> impl Fn(Point) -> Point + use<> {
     let (inverse, origin) = (cell.inverse().unwrap_or_default(), cell.origin);
     move |p| inverse.map(|b| dot(b, sub(p, origin)))
@@ -64,8 +65,8 @@ impl Unwrap {
         cell.check()?;
         let (fractional, periodic) = (fractional(cell), cell.periodic());
         let positions = set.positions();
-        // The translation that brings the second point nearest to the first one, and the share of
-        // the cell by which they are then apart.
+        // Returns the translation that brings `to` nearest to `from`, and the lattice vector along
+        // which they are then furthest apart, with this distance as a share of the cell.
         let nearest = |from: Point, to: Point| -> (Image, (usize, f64)) {
             let u = sub(to, from);
             let (mut image, mut most) = (Image::default(), (0, 0.0));
@@ -131,8 +132,8 @@ impl Unwrap {
     }
 }
 
-/// Adds the control points that an open curve needs to run from the first point of a closed one to
-/// the image of that point.
+/// Adds control points to those of a closed curve, so that an open curve runs from its first point
+/// to the image of that point.
 fn lengthen(points: &mut Vec<Point>, basis: Basis, moved: impl Fn(Point, i32) -> Point) {
     let (first, last) = (points[0], points[points.len() - 1]);
     let second = points.get(1).copied().unwrap_or(first);
@@ -143,7 +144,7 @@ fn lengthen(points: &mut Vec<Point>, basis: Basis, moved: impl Fn(Point, i32) ->
     }
 }
 
-/// Returns a share of the cell along vector `x` in words.
+/// Returns a text for a share of the cell along vector `x`.
 fn words((x, share): (usize, f64)) -> String {
     let (percent, vector) = (100.0 * share, x + 1);
     format!("{percent:.0} % of the periodic cell along vector {vector}")
@@ -165,7 +166,7 @@ fn moved_too_far(curve: usize, share: (usize, f64)) -> Error {
     ))
 }
 
-/// A segment that is not proven to be at most half as long as the cell.
+/// A segment that may be longer than half of the cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Torn {
     pub curve: usize,
@@ -195,7 +196,7 @@ pub(crate) fn find_torn(
             let shares = inverse.map(|b| dot(sub(q, p), b).abs());
             for direction in (0..3).filter(|&k| periodic[k]) {
                 let share = shares[direction];
-                // False if the share is not a number.
+                // Written so that NaN counts as torn.
                 let whole = share <= 0.5;
                 if !whole {
                     return Ok(Some(Torn {

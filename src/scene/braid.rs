@@ -1,7 +1,7 @@
 //! Scenes with braids: the curves of a frame and, after them, the virtual loops of their braids.
 //!
-//! Closed curves and loops have linking numbers. Pull-throughs are those of the curves of the
-//! frame. A finding about a loop has the index of its first curve.
+//! Closed curves and loops have linking numbers. Pull-throughs are searched for among the curves of
+//! the frame, not the loops. A finding about a loop has the index of its first curve.
 
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{CurveSet, FramePool};
@@ -11,20 +11,20 @@ use crate::pairs::{LoopPairs, PairFilter};
 use crate::verdict::{Change, Defect, Link, LoopPair, Place, Report};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A scene with braids, as it is known after a frame.
+/// A scene with braids, in its state after a frame.
 #[derive(Clone, Debug)]
 pub(crate) struct BraidScene {
     closed: Arc<Closed>,
     /// Curves of the last frame and of the frame before, as they are given.
     given: [Arc<CurveSet>; 2],
-    /// True if the frame breaks a condition of the braids. Its loops are those of the first frame,
-    /// and findings about them mean nothing.
+    /// True if the frame breaks a condition of the braids. It then has the loops of the first
+    /// frame, and findings about loops are meaningless.
     pub is_broken: bool,
-    /// True if only one of this frame and the one before is broken, so that the loops jump.
+    /// True if exactly one of this frame and the one before is broken, so that the loops jump.
     pub jumps: bool,
 }
 
-/// Braids whose ends are known from the first frame.
+/// Braids whose ends were found in the first frame.
 #[derive(Debug)]
 struct Closed {
     loops: BraidLoops,
@@ -51,8 +51,8 @@ impl BraidScene {
         })
     }
 
-    /// Returns the curves of a frame with its loops. Returns in words the condition of the braids
-    /// that it breaks.
+    /// Returns the curves of a frame with the loops appended, and a text on the condition of the
+    /// braids that the frame breaks, if it does.
     ///
     /// # Errors
     ///
@@ -79,7 +79,7 @@ impl BraidScene {
         [&self.given[1], &self.given[0]]
     }
 
-    /// Returns the braids, with everything that was found in the first frame, and this frame.
+    /// Returns the braids, with all values that were derived from the first frame, and this frame.
     pub fn braids(&self) -> (Braids, &Arc<CurveSet>) {
         (self.closed.loops.braids(), &self.closed.first)
     }
@@ -92,8 +92,8 @@ impl BraidScene {
         self.closed.loops.pairs()
     }
 
-    /// Returns the expected linking numbers of the curves and the loops; `all` has those of loops
-    /// under their first curve.
+    /// Returns the expected linking numbers of the curves and the loops. In `all`, a loop has the
+    /// index of its first curve.
     pub fn expected(&self, all: &Certificate) -> Certificate {
         let own = 0..self.closed.first.len() as u32;
         let own = own.map(|i| Some(i).filter(|&i| self.closed.loops.number(i).is_none()));
@@ -101,7 +101,7 @@ impl BraidScene {
         all.with_curves(&own.chain(loops).collect::<Vec<_>>())
     }
 
-    /// Returns the expected linking numbers, those of loops under their first curve.
+    /// Returns the expected linking numbers as in reports: a loop has the index of its first curve.
     pub fn joined(&self, all: &Certificate) -> Certificate {
         let own = 0..self.closed.first.len() as u32;
         let number = own.map(|i| Some(self.closed.loops.number(i).unwrap_or(i)));
@@ -113,9 +113,9 @@ impl BraidScene {
         (self.closed.first.open_curves() - self.pairs().loops.len()) as u64
     }
 
-    /// Removes what means nothing in a frame that breaks a condition of the braids. A later frame
-    /// has numbers of loops for curves that the baseline lacks, so that none are adopted from this
-    /// one.
+    /// Removes the findings about loops in a frame that breaks a condition of the braids. Linking
+    /// numbers that the baseline lacks are not adopted from such a frame, because a later frame
+    /// will have valid ones.
     pub fn forget_broken(&self, comparison: &mut Comparison) {
         if self.is_broken {
             let own = |i: u32, j: Option<u32>| self.is_own(i) && j.is_none_or(|j| self.is_own(j));
@@ -129,8 +129,8 @@ impl BraidScene {
         self.pairs().is_own(i)
     }
 
-    /// Gives loops the indices of their first curves in the findings of a frame, and adds their
-    /// other curves.
+    /// Replaces loops in the findings of a frame by their first curves, and adds to the report
+    /// which other curve belongs to each loop.
     pub fn name(&self, report: &mut Report) {
         let mut loops = Vec::new();
         for Change { i, j, place, .. } in &mut report.changes {
@@ -152,7 +152,8 @@ impl BraidScene {
         report.loops = loops;
     }
 
-    /// Renames a pair, and returns it with its curves if one of both is a loop.
+    /// Replaces the loops of a pair by their first curves. Returns the pair with all its curves if
+    /// it contains a loop.
     fn rename(&self, pair: [&mut u32; 2], place: Option<&mut Place>) -> Option<LoopPair> {
         let [i, j] = pair;
         let found = [*i, *j].map(|i| self.pairs().loop_of(i));
@@ -175,7 +176,7 @@ impl BraidScene {
             let given = &self.given[0];
             let nearest = self.closed.loops.origin(given, pair, segments[side]);
             loops.nearest[side] = nearest;
-            // A segment of the curve, because viewers show that curve.
+            // The place must be on a segment of the curve, because viewers show that curve.
             let last = given.curve(pair[0] as usize).segments - 1;
             segments[side] = match nearest {
                 Some([curve, s]) if curve == pair[0] => s,

@@ -1,8 +1,8 @@
-//! Scene: the curves of a frame that are verified together, and the names of what is found.
+//! Scene: the curves that are verified together in a frame, and the names of curves in findings.
 //!
-//! If the scene repeats, these are the curves of the frame and the images of them that may meet a
-//! curve ([`CellScene`]): one set of curves, with a filter of pairs, so that each pair of a curve
-//! and an image is verified once. If it has braids, these are the curves of the frame and virtual
+//! In a periodic cell, these are the curves of the frame and the images that may meet a curve
+//! ([`CellScene`]). They form one set of curves with a filter of pairs, so that each pair of a
+//! curve and an image is verified once. With braids, these are the curves of the frame and virtual
 //! loops ([`BraidScene`]).
 
 mod braid;

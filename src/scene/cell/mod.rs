@@ -1,8 +1,8 @@
-//! Scenes that repeat: the images of the curves that may meet a curve.
+//! Periodic scenes: the curves of a frame, and the images that may meet them.
 //!
-//! The images are the same from frame to frame, so that frames are verified incrementally. If other
-//! images come near, they replace these from the previous frame on, so that no step is left out:
-//! all pairs that are new had boxes apart from one another throughout the earlier frames.
+//! The set of images stays the same from frame to frame, so that frames are verified incrementally.
+//! If other images come near, a new set replaces it, in the previous frame as well, so that no step
+//! is skipped: the boxes of all pairs that are new were apart throughout the earlier frames.
 
 mod state;
 mod yarns;
@@ -24,22 +24,22 @@ use crate::verdict::{Change, Defect, Link, PullThrough, Report};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// A scene that repeats, as it is known after a frame.
+/// A periodic scene, in its state after a frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CellScene {
-    /// Linking numbers of closed curves and those that run through the cell.
+    /// Linking numbers of closed curves with yarns (curves that run through the cell).
     yarns: Yarns,
     /// Images that may meet, once they are known.
     found: Option<KnownImages>,
     before: Option<Before>,
-    /// Slack of a quiet frame.
+    /// Map to the last quiet frame, and the slack of that frame.
     quiet: Option<QuietSlack>,
 }
 
 /// Images that may meet, as the last search found them.
 #[derive(Clone, Debug)]
 struct KnownImages {
-    /// Curves of the frames that have these images.
+    /// Shape of the frames for which these images are valid.
     of: Shape,
     pairs: Arc<ImagePairs>,
     /// `None` if no image may meet a curve.
@@ -58,13 +58,13 @@ struct Before {
 /// Settings of a search for images.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Search {
-    /// True if open curves are searched, too, which have no linking numbers.
+    /// True if open curves are searched, too, although they have no linking numbers.
     pub open_too: bool,
     /// Maximum number of pairs.
     pub most: usize,
     /// True if torn curves are refused.
     pub check_torn: bool,
-    /// True if what is known without a search is checked.
+    /// True if bounds that replace a search are compared with exact values.
     pub paranoid: bool,
 }
 
@@ -76,10 +76,10 @@ impl Search {
     }
 }
 
-/// Curves of a frame that are verified.
+/// A frame with its images, as it is verified.
 pub(crate) struct Followed {
     pub frame: Frame,
-    /// True if the images are others than those of the previous frame.
+    /// True if the set of images differs from that of the previous frame.
     pub others: bool,
     /// True if the bound of the slack of a quiet frame exceeds the slack computed from its points.
     pub disagreed: bool,
@@ -93,13 +93,13 @@ impl CellScene {
         yarns.list().len()
     }
 
-    /// Finds the curves that run through the cell, in the first frame. Returns in words those that
-    /// no longer do.
+    /// Finds the curves that run through the cell in the first frame. In later frames, returns a
+    /// text that names those that no longer do.
     pub fn find_yarns(&mut self, given: &CurveSet, cell: &Cell) -> Option<String> {
         self.yarns.find_periods(given, cell)
     }
 
-    /// The next frame does not continue the previous one, or its curves have other points.
+    /// Forgets the previous frame, because the next one does not continue it or has other points.
     pub fn cut(&mut self) {
         self.before = None;
         self.yarns.cut();
@@ -111,7 +111,7 @@ impl CellScene {
         self.quiet = None;
     }
 
-    /// Returns a pair of the curves that are verified, under its name.
+    /// Returns the names of two curves of the verified set.
     pub fn pair(&self, a: u32, b: u32) -> ImagePair {
         let found = self.found.as_ref();
         found.map_or(ImagePair::new(a, b, Image::default()), |found| {
@@ -119,7 +119,7 @@ impl CellScene {
         })
     }
 
-    /// Returns the pair of the curves that are verified that has this name.
+    /// Returns the indices in the verified set of the pair with these names.
     pub fn find_pair(&self, pair: ImagePair) -> Option<Pair> {
         self.found.as_ref()?.pairs.find_pair(pair)
     }
@@ -130,8 +130,8 @@ impl CellScene {
         expected.contains(&(pair, None))
     }
 
-    /// Finds the images that may meet in the step to a frame, unless they are known. `quiet` says
-    /// where the curves are if the frame was found to be quiet. `expected` are the expected linking
+    /// Finds the images that may meet in the step to a frame, unless the known ones suffice.
+    /// `quiet` has bounds of the curves if the frame is quiet. `expected` has the expected linking
     /// numbers.
     ///
     /// # Errors
@@ -147,7 +147,7 @@ impl CellScene {
     ) -> Result<Followed> {
         let other = |before: &mut Before| !before.given.same_layout(given);
         if self.before.take_if(other).is_some() {
-            // There is no step.
+            // There is no step from a frame with another layout.
             self.yarns.cut();
         }
         let known = self.found.as_ref();
@@ -203,13 +203,13 @@ impl CellScene {
         found.map(|found| found.pairs.filter())
     }
 
-    /// Returns the number of curves that are verified, images included.
+    /// Returns the number of curves in the verified set, images included.
     pub fn curves(&self, given: usize) -> usize {
         let found = self.found.as_ref();
         found.map_or(given, |found| found.pairs.curves.len())
     }
 
-    /// Converts the previous frame to double precision. Its images are the same.
+    /// Converts the previous frame to double precision. The set of images does not change.
     pub fn widen(&mut self) -> Result<()> {
         self.quiet = None;
         if let Some(before) = &mut self.before {
@@ -239,7 +239,7 @@ impl CellScene {
         };
         let was_inside = match &self.before {
             Some(before) if pairs.is_enough(before.slack, bend) => true,
-            // The slack of a quiet frame is a lower bound.
+            // The slack of a quiet frame is only a lower bound, so the exact one is computed.
             Some(before) => {
                 let boxer = Boxer::new(&before.given, &before.cell)?;
                 pairs.is_enough(pairs.slack(&boxer), bend)
@@ -260,7 +260,7 @@ impl CellScene {
         }))
     }
 
-    /// Finds the images that may meet while the curves are within these boxes.
+    /// Finds the images that may meet as long as the curves are within these boxes.
     fn search(
         &mut self,
         (given, cell): (&Arc<CurveSet>, &Cell),
@@ -295,13 +295,14 @@ impl CellScene {
         });
     }
 
-    /// Returns a function that is true for pairs with a curve that runs through the cell.
+    /// Returns a predicate for pairs that contain a yarn.
     fn is_of_yarn(&self) -> impl Fn(&ImagePair) -> bool + use<> {
         let yarns = self.yarns.list();
         move |pair| period_of_pair(&yarns, pair.i, pair.j).is_some()
     }
 
-    /// Returns a function from the curves of an earlier state of this scene to those of this one.
+    /// Returns a function from curve indices in an earlier state of this scene to those in this
+    /// one.
     pub fn renamed<'a>(&'a self, earlier: &'a CellScene) -> impl Fn(u32) -> Option<u32> + 'a {
         move |a| match (&earlier.found, &self.found) {
             (Some(from), Some(to)) => to.pairs.find_curve(from.pairs.curves[a as usize]),
@@ -310,20 +311,19 @@ impl CellScene {
         }
     }
 
-    /// Returns the number of each curve in an earlier state of this scene, if it was there.
+    /// Returns, for each curve, its index in an earlier state of this scene, if it existed there.
     pub fn origins(&self, earlier: &CellScene, given: usize) -> Vec<Option<u32>> {
         let renamed = earlier.renamed(self);
         (0..self.curves(given) as u32).map(renamed).collect()
     }
 
-    /// Returns the expected linking numbers of the curves that are verified, without those of
-    /// yarns.
+    /// Returns the expected linking numbers of the verified set, without those of yarns.
     pub fn expected(&self, all: &Certificate) -> Certificate {
         let mut out = Certificate {
             curves: self.curves(all.curves),
             ..Certificate::default()
         };
-        // Curves without a linking number with any other one.
+        // Curves that have no linking number with any other curve.
         for single in all.undefined.iter().filter(|d| d.j.is_none()) {
             let found = self.found.iter();
             let curves = found.flat_map(|found| found.pairs.curves.iter());
@@ -336,7 +336,8 @@ impl CellScene {
             places.filter_map(|d| Some((d.pair()?, d))).collect();
         let is_of_yarn = self.is_of_yarn();
         for (pair, lambda) in all.entries().unwrap_or_default() {
-            // All expected pairs are among them.
+            // All expected pairs are in the verified set, so only pairs with a yarn are skipped
+            // here.
             let Some((i, j)) = self.find_pair(pair).filter(|_| !is_of_yarn(&pair)) else {
                 continue;
             };
@@ -354,7 +355,7 @@ impl CellScene {
         out
     }
 
-    /// Takes the expected linking numbers of yarns from all.
+    /// Takes the expected linking numbers of yarns from `all`.
     pub fn expect(&mut self, all: &Certificate) {
         let entries = all.entries().unwrap_or_default();
         let is_of_yarn = self.is_of_yarn();
@@ -364,8 +365,8 @@ impl CellScene {
         self.yarns.expected = Some(of_yarns);
     }
 
-    /// Returns all expected linking numbers; `verified` has those of the curves that are verified,
-    /// and `defects` the places of contacts with images.
+    /// Returns all expected linking numbers as reports name them. `verified` has those of the
+    /// verified set, and `defects` the places of contacts with images.
     pub fn joined(&self, verified: &Certificate, given: usize, defects: &[Defect]) -> Certificate {
         let is_own = |i: u32| (i as usize) < given;
         let own = |i: u32, j: Option<u32>| is_own(i) && j.is_none_or(is_own);
@@ -397,10 +398,10 @@ impl CellScene {
         periodic.with_entries(&entries, &defects)
     }
 
-    /// Compares the linking numbers of closed curves and yarns with the expected ones, which are
-    /// those of the first frame if none are known. `met` has the pairs of the curves that are
-    /// verified that may have met in the step to this frame, if they are known; `before` is the
-    /// frame at its start. If `check`, all numbers are computed.
+    /// Compares the linking numbers of closed curves and yarns with the expected ones. If none are
+    /// expected yet, those of this frame become the expected ones. `met` has the pairs of the
+    /// verified set that may have met in the step to this frame, if they are known; `before` is the
+    /// frame at its start. If `check` is set, all numbers are computed.
     ///
     /// # Errors
     ///
@@ -426,8 +427,8 @@ impl CellScene {
         self.yarns.compare(now.0, now.1, unsettled.as_ref(), check)
     }
 
-    /// Replaces the curves that are verified by those of the frame and the names of their images,
-    /// in the findings of a frame, and adds those about yarns.
+    /// Replaces the indices of the verified set in the findings of a frame by curves of the frame
+    /// and names of images, and adds the findings about yarns.
     pub fn name(&self, report: &mut Report, given: usize, yarns: Compared) {
         let rename = |i: &mut u32, j: &mut u32, image: &mut Image| {
             let pair = self.pair(*i, *j);
@@ -444,7 +445,7 @@ impl CellScene {
             }
             sort_by_time(events);
         }
-        // Images of a curve share its own defects.
+        // A defect of a single curve is reported once, not for each of its images.
         let is_given = |d: &Defect| d.j.is_some() || (d.i as usize) < given;
         report.defects.retain(is_given);
         for Defect { i, j, image, .. } in &mut report.defects {
@@ -453,11 +454,12 @@ impl CellScene {
             }
         }
         report.defects.extend(yarns.defects);
-        // The search for pull-throughs finds contacts with yarns, too.
+        // Removes duplicates, because the search for pull-throughs also finds contacts with yarns.
         let key = |d: &Defect| (d.i, d.j, d.image, d.kind as u8);
         report.defects.sort_by_key(key);
         report.defects.dedup_by_key(|d| key(d));
-        // They have no place for an image; the defects name the pairs with one.
+        // Adopted links have no field for an image, so pairs with an image are named only by the
+        // defects.
         report.adopted.retain_mut(|link| {
             let pair = self.pair(link.i, link.j);
             (link.i, link.j) = (pair.i, pair.j);
@@ -477,7 +479,7 @@ impl CellScene {
 struct Slack {
     slack: Point,
     is_enough: bool,
-    /// True if it follows from the bounds of a quiet frame.
+    /// True if this is a lower bound, from the bounds of a quiet frame.
     from_quiet: bool,
     disagreed: bool,
 }

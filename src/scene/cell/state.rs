@@ -1,4 +1,4 @@
-//! State of a scene that repeats.
+//! State of a periodic scene, from which another process continues.
 
 use super::{Before, CellScene};
 use crate::curve::{Cell, CurveSet, Image, Precision};

@@ -1,14 +1,15 @@
-//! Linking numbers of closed curves and yarns that run through the periodic cell.
+//! Linking numbers of closed curves and yarns, the curves that run through the periodic cell.
 //!
 //! # Proof: which numbers of the previous frame still hold
 //!
-//! The yarn is an infinite curve: each of its periods ends where the next one starts. The ledgers
-//! of the curves and of their images search all periods that may come near the closed curve, and
-//! translate the same one of both curves to decide ties. So the sum of the signs of the passages of
-//! all periods is the change of the number, as for two closed curves. A pair that had a number, and
-//! none of whose periods has a passage or a contact or is undecided, has the same number.
+//! A yarn is an infinite curve: each of its periods ends where the next one starts. The ledger
+//! searches the curves and their images, and so all periods that may come near the closed curve. To
+//! decide ties, it translates the same one of the two curves in all periods. So the sum of the
+//! signs of the passages of all periods is the change of the number, as for two closed curves. A
+//! pair that had a number keeps it if none of its periods has a passage or a contact, or is
+//! undecided.
 //!
-//! Two cases need more:
+//! Two cases need more care:
 //! - The polylines by which a ledger replaces a closed spline differ from period to period. So
 //!   splines that a ledger could not prove apart count as undecided.
 //! - The end of a period that is not translated is the given one, not the exact image of its start.
@@ -28,7 +29,7 @@ use crate::words::if_any;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Closed curves and yarns that run through the cell.
+/// The closed curves and yarns of a scene.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Yarns {
     /// Period of each curve, if it is a yarn, once they are known.
@@ -39,7 +40,8 @@ pub(super) struct Yarns {
     pub pairs: Vec<RingAndYarn>,
     /// Expected linking numbers, sorted, once they are known.
     pub expected: Option<Vec<Entry>>,
-    /// Numbers of the previous frame, sorted; `None` if it does not help.
+    /// Linking numbers in the previous frame, sorted; `None` if they do not apply to the next
+    /// frame.
     known: Option<Vec<Number>>,
 }
 
@@ -48,11 +50,11 @@ pub(super) struct Yarns {
 pub(crate) struct Compared {
     pub changes: Vec<Change>,
     pub defects: Vec<Defect>,
-    /// Pairs that had no number to compare with, and have one now.
+    /// Pairs for which no number was expected. The baseline adopts the number of this frame.
     pub adopted: Vec<Entry>,
     /// Number of pairs whose numbers were computed.
     pub computed: u64,
-    /// True if the numbers of the previous frame that should hold do not.
+    /// True if a number that was proven from the previous frame differs from the computed one.
     pub disagreed: bool,
 }
 
@@ -60,12 +62,12 @@ pub(crate) struct Compared {
 pub(super) type Step<'a> = [(&'a Arc<CurveSet>, &'a Cell); 2];
 
 impl Yarns {
-    /// Begins with these periods, and the precision of the first frame.
+    /// Begins with the periods of the curves, and the precision of the first frame.
     pub fn begin(&mut self, periods: Arc<[Option<Image>]>, precision: Precision) {
         (self.periods, self.precision) = (Some(periods), Some(precision));
     }
 
-    /// Returns the period of each curve. [`Yarns::find_periods`] comes first.
+    /// Returns the period of each curve. [`Yarns::find_periods`] must have been called.
     pub fn periods(&self) -> Arc<[Option<Image>]> {
         self.periods.clone().unwrap_or_default()
     }
@@ -78,8 +80,8 @@ impl Yarns {
         yarns.collect()
     }
 
-    /// Finds the curves that run through the cell, in the first frame, and logs those that almost
-    /// do. Returns those that no longer do, in words.
+    /// Finds the yarns in the first frame, and logs curves that almost run through the cell. In a
+    /// later frame, returns a text that names yarns that no longer run through it.
     pub fn find_periods(&mut self, set: &CurveSet, cell: &Cell) -> Option<String> {
         let precision = *self.precision.get_or_insert(set.precision());
         let find = |i: usize| period_in(set, i, cell, precision);
@@ -103,23 +105,23 @@ impl Yarns {
         ))
     }
 
-    /// The next frame does not continue the previous one.
+    /// Forgets the numbers of the previous frame, because the next one does not continue it.
     pub fn cut(&mut self) {
         self.known = None;
     }
 
-    /// Returns the pair of a closed curve and a yarn that these curves are, the second one
-    /// translated.
+    /// Returns the pair of two curves, the second one translated, if one is closed and the other a
+    /// yarn.
     pub fn pair(&self, i: u32, j: u32, image: Image) -> Option<RingAndYarn> {
         let periods = self.periods.as_ref()?;
         RingAndYarn::between((i, j), image, [i, j].map(|i| periods[i as usize]))
     }
 
-    /// Compares the linking numbers of a frame with the expected ones, which are those of the first
-    /// frame if none are given.
+    /// Compares the linking numbers of a frame with the expected ones. If none are expected yet,
+    /// those of this frame become the expected ones.
     ///
     /// `unsettled` has the pairs whose numbers may differ from those of the previous frame; `None`:
-    /// all. If `check`, all numbers are computed.
+    /// all. If `check` is set, all numbers are computed.
     ///
     /// # Errors
     ///
@@ -162,8 +164,8 @@ impl Yarns {
         Ok(compared)
     }
 
-    /// Adds the numbers that differ from the expected ones, and the pairs that had none to compare
-    /// with: the expected number of those is the one of this frame from now on.
+    /// Adds the numbers that differ from the expected ones. For pairs without an expected number,
+    /// adopts the number of this frame.
     fn add_differences(&mut self, numbers: &[Number], out: &mut Compared) {
         let found = entries(numbers);
         let Some(expected) = &mut self.expected else {
@@ -183,8 +185,8 @@ impl Yarns {
         expected.sort_unstable();
     }
 
-    /// Returns the pairs whose closed curve may have passed between the end of a period and the
-    /// start of the next one, which are equal up to rounding or a tolerance.
+    /// Returns the pairs whose closed curve may have passed through the gap between the end of a
+    /// period and the start of the next one, which are equal only up to a tolerance.
     pub fn past_joints<'a>(&'a self, step: Step<'a>) -> impl Iterator<Item = RingAndYarn> + 'a {
         let pairs = self.pairs.iter().copied();
         pairs.filter(move |pair| {
