@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 /// Writhes and linking integrals of the polylines of a set, open or closed.
 ///
-/// Both are real numbers with a proven bound. They are never rounded. A number with a large bound
-/// is undecided: segments touch or nearly touch.
+/// Both are real numbers with a proven error bound, and are never rounded to integers. A large
+/// bound means that segments touch or nearly touch.
 ///
 /// ```
 /// use linkwatch::{Basis, CurveSet, GaussIntegrals, Positions};
@@ -69,7 +69,7 @@ impl GaussIntegrals {
     }
 }
 
-/// Fails for splines.
+/// Returns an error for splines.
 pub(super) fn check_polylines(set: &CurveSet) -> Result<()> {
     if set.basis().is_polyline() {
         return Ok(());

@@ -54,13 +54,13 @@ use crate::pool;
 use crate::verdict::{DefectKind, Place};
 use std::time::{Duration, Instant};
 
-/// Axis of a ribbon: the curve whose writhe counts, about which the ribbon twists.
+/// Axis of a ribbon: the curve whose writhe is measured, and about which the ribbon twists.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Axis {
-    /// The centre line of both strands, as for DNA: its vertices are halfway between theirs,
-    /// rounded to double precision. It winds around the axis of the helix if the vertices of a
-    /// pair are not on opposite sides of it.
+    /// The centre line of both strands, as for DNA. Each of its vertices is halfway between a pair
+    /// of vertices, rounded to double precision. If the paired vertices are not on opposite sides
+    /// of the axis of the helix, the centre line winds around that axis.
     #[default]
     Centre,
     /// The first curve; the second one is an edge of the ribbon.
@@ -72,9 +72,9 @@ pub enum Axis {
 pub struct RibbonOptions {
     /// Axis of the ribbon.
     pub axis: Axis,
-    /// Pairing of the vertices; `None`: found by the order and the distances of the vertices.
+    /// Pairing of the vertices. `None`: found from the order and the distances of the vertices.
     pub pairing: Option<Pairing>,
-    /// Error bound of the writhe to reach, if possible.
+    /// Error bound of the writhe that is reached, if possible.
     pub tolerance: f64,
 }
 
@@ -91,7 +91,8 @@ impl Default for RibbonOptions {
 /// Linking number, twist and writhe of a closed ribbon between two curves.
 #[derive(Clone, Debug)]
 pub struct Ribbon {
-    /// Linking number of the two curves, in the same direction, exact. `None` if they touch.
+    /// Exact linking number of the two curves, which run in the same direction. `None` if they
+    /// touch.
     pub linking: Option<i64>,
     /// The place where the curves touch, if they do.
     pub contact: Option<(DefectKind, Place)>,
@@ -103,10 +104,10 @@ pub struct Ribbon {
     pub pairing: Pairing,
     /// Reason why this pairing was taken.
     pub reason: PairingReason,
-    /// Pairings that fit nearly as well and have another twist, with that twist. Empty if the
+    /// Pairings that fit nearly as well, but give another twist, with that twist. Empty if the
     /// pairing was given.
     pub rivals: Vec<(Pairing, Estimate)>,
-    /// Times to compute linking number, twist and writhe.
+    /// Times that linking number, twist and writhe took.
     pub times: [Duration; 3],
 }
 
@@ -170,7 +171,8 @@ impl Ribbon {
         })
     }
 
-    /// Returns `Lk - Tw - Wr`: 0 for a ribbon, a different integer if it passes through itself.
+    /// Returns `Lk - Tw - Wr`: 0 for a ribbon that does not pass through itself, otherwise an
+    /// integer.
     pub fn residual(&self) -> Estimate {
         let turns = self.twist.plus(self.writhe).negated();
         let residual = |linking: i64| Estimate::new(linking as f64, 0.0).plus(turns);
@@ -184,13 +186,13 @@ impl Ribbon {
     }
 }
 
-/// Difference of twists, in turns, up to which two pairings agree.
+/// Two pairings agree if their twists, in turns, differ by at most this.
 const TWIST_DIFFERS: f64 = 0.01;
 
-/// Returns the axis of a ribbon between two strands whose vertices belong together, and the twist
-/// about it.
+/// Returns the axis of a ribbon between two strands with paired vertices, and the twist about it.
 fn twist_about(axis: Axis, first: &[Point], second: &[Point]) -> (Vec<Point>, Estimate) {
-    // The first strand is half as far from the centre line as from the second strand.
+    // The vector from the centre line to the first strand is half of that from the second strand to
+    // the first one.
     let (axis, edge) = match axis {
         Axis::First => (first.to_vec(), second),
         Axis::Centre => {

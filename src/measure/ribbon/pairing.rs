@@ -3,24 +3,23 @@
 //!
 //! # Rule
 //!
-//! A pairing is a direction and a shift, so two strands of `n` vertices have `2 n` pairings.
-//! The distance of paired vertices is nearly the same along a ribbon, because something holds them
-//! together: the base pairs of DNA, the width of a strip. The nearest vertices need not be paired.
-//! Those of DNA are three to four bases off, across a groove of the helix.
+//! A pairing is a direction and a shift, so two strands of `n` vertices have `2 n` pairings. The
+//! distance of paired vertices is nearly constant along a ribbon, because something holds the
+//! strands together: the base pairs of DNA, the material of a strip. The nearest vertices need not
+//! be paired. In DNA, they are three to four bases off, across a groove of the helix.
 //!
 //! 1. The direction is that of the pairing with the smallest mean distance.
-//! 2. *Close* pairings have this direction, and a mean distance of at most [`NEAR`] times that
-//!    one.
-//! 3. The order of the vertices decides if it is a close pairing: `k` with `k`; or, for strands in
-//!    opposite directions, `k` with `n - 1 - k`, as in files of DNA, else `k` with `n - k`, which
-//!    is a reversed curve with the same first vertex.
-//! 4. Otherwise the distances decide: the pairing with the smallest spread (standard deviation)
-//!    of distances. Among equal ones, the shortest centre line, then the smallest distance.
-//! 5. The distances also overrule the order of the vertices if those of another close pairing are
-//!    constant up to rounding ([`RIGID`]), and those of the order are not.
-//!
-//! The rule cannot know the pairing if thermal motion hides the difference. So other close pairings
-//! whose distances have a similar spread are returned as rivals.
+//! 2. *Close* pairings have this direction, and a mean distance of at most [`NEAR`] times the
+//!    smallest one.
+//! 3. If the order of the vertices gives a close pairing, it is used: `k` with `k`; or, for strands
+//!    in opposite directions, `k` with `n - 1 - k`, as in files of DNA, else `k` with `n - k`,
+//!    which is a reversed curve with the same first vertex.
+//! 4. Otherwise the pairing with the smallest spread (standard deviation) of distances is used. If
+//!    several spreads are equal, the shortest centre line decides, then the smallest distance.
+//! 5. A close pairing whose distances are constant up to rounding ([`RIGID`]) is preferred to the
+//!    order of the vertices, if the distances of the latter are not constant.
+//! The rule cannot find the pairing if thermal motion hides the differences of distances. So other
+//! close pairings whose distances have a similar spread are returned as alternatives.
 //!
 //! # Cost
 //!
@@ -37,11 +36,11 @@ use std::str::FromStr;
 /// phosphates of a base pair are 1.8 times as far apart as those across the minor groove.
 const NEAR: f64 = 2.0;
 
-/// Maximum ratio of spreads of distances that count as similar.
+/// Spreads of distances count as similar if their ratio is at most this.
 const SIMILAR: f64 = 1.25;
 
-/// Maximum spread of constant distances, as a share of their mean: the rounding of coordinates in
-/// single precision.
+/// Distances count as constant if their spread is at most this share of their mean, which covers
+/// the rounding of coordinates in single precision.
 const RIGID: f64 = 1e-5;
 
 /// Maximum number of vertices at which pairings are compared.
@@ -81,7 +80,7 @@ impl Pairing {
         (0..n).map(|k| second[self.partner(k, n)]).collect()
     }
 
-    /// Returns the pairing in words: `antiparallel, vertex k with n - 1 - k`.
+    /// Returns a text for the pairing: `antiparallel, vertex k with n - 1 - k`.
     pub fn words(self) -> String {
         let partner = if self.antiparallel { "n - 1 - k" } else { "k" };
         match (self.word(), self.shift) {
@@ -139,7 +138,7 @@ impl FromStr for Pairing {
 pub enum PairingReason {
     /// The caller gave it.
     Given,
-    /// The order of the vertices, and the paired vertices are close.
+    /// The order of the vertices gives a pairing of close vertices.
     Order,
     /// The distances of paired vertices vary least.
     Distances,
@@ -169,14 +168,14 @@ impl Distances {
         }
     }
 
-    /// Returns true if the spread is at most similar to that of another pairing.
+    /// Returns true if the spread is smaller than that of another pairing, or similar to it.
     fn is_similar(&self, other: &Distances) -> bool {
         self.spread <= SIMILAR * other.spread + 1e-2 * RIGID * other.mean
     }
 }
 
 /// Finds the pairing of two strands with the same number of vertices. Returns it with the reason
-/// why it was taken, and the pairings that are nearly as good.
+/// for the choice, and the pairings that are nearly as good.
 pub(super) fn find(strands: [&[Point]; 2]) -> (Pairing, PairingReason, Vec<Pairing>) {
     let n = strands[0].len();
     let samples = samples(n);
@@ -249,7 +248,7 @@ fn smoothest(
 }
 
 /// Returns the vertices at which pairings are compared. They are spread by the golden ratio,
-/// because equal steps might fit the turns of a helix.
+/// because equal steps could be in phase with the turns of a helix.
 fn samples(n: usize) -> Vec<usize> {
     if n <= SAMPLES {
         return (0..n).collect();

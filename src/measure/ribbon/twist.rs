@@ -48,11 +48,12 @@ use crate::curve::vector::{cross, dot, sub};
 use crate::kernels::sums::interval::{Interval, Vector, cube, length};
 use rayon::prelude::*;
 
-/// Number of vertices of a parallel task.
+/// Number of vertices per parallel task.
 const GRAIN: usize = 1 << 10;
 
 /// Returns the twist of the ribbon between two closed polygons with the same number of vertices,
-/// whose coordinates are at most 1. An undecided angle may be anything up to half a turn.
+/// whose coordinates are at most 1. An undecided angle adds an interval of half a turn in both
+/// directions.
 pub(super) fn twist(axis: &[Point], edge: &[Point]) -> Interval {
     let n = axis.len();
     if n < 3 || edge.len() != n {
@@ -95,7 +96,7 @@ fn corner(p: Vector, q: Vector, u: Vector) -> Interval {
     certain(Interval::argument(real, imaginary))
 }
 
-/// Returns the angle, or all angles if it is undecided.
+/// Returns the angle, or the interval of all angles if it is undecided.
 fn certain(angle: Option<Interval>) -> Interval {
     angle.unwrap_or(Interval::HALF_TURN)
 }

@@ -1,10 +1,11 @@
 //! Struts of splines: branch and bound over pairs of parts of cubic segments.
 //!
-//! A part is a cubic, given by its Bezier control points; it is divided in the middle. A pair of
-//! parts `p`, `q` is discarded if it contains no strut that matters:
+//! A part is a cubic, given by its Bezier control points. The search halves parts, and discards a
+//! pair of parts `p`, `q` if it contains no strut that can be the result:
 //!
 //! - **They are too far apart**: a cubic and its chord, at the same parameter, differ by at most
-//!   its [`deviation`]. So the distance of the parts is at least that of the chords, less both.
+//!   the [`deviation`] of the cubic. So the distance of the parts is at least that of the chords
+//!   minus both deviations.
 //! - **The distance has no critical point.** The derivative of half its square along `p` is
 //!   `(p - q) . p'`. As `p`, `q` and `p'` are convex combinations of control points, and of their
 //!   differences `v`, the product is at least the least of all `(p_i - q_k) . v_j`. If that is
@@ -16,8 +17,9 @@
 //!   points of both are within 90 degrees of one another, then `p - q` at two points, an integral
 //!   of tangents, has a positive product with the tangents at both.
 //!
-//! The upper limit comes from local minima that Newton's method finds from the nearest points of
-//! the chords. A pair is resolved if its lower bound is at most [`ACCURACY`] below the limit.
+//! The upper limit comes from local minima, which Newton's method finds from the nearest points of
+//! the chords. A pair is resolved if its lower bound is less than the limit by at most
+//! [`ACCURACY`].
 
 use super::splines::deviation;
 use crate::curve::vector::{add, add_scaled, cross, dot, norm, sub};
@@ -25,26 +27,28 @@ use crate::curve::{Bezier, Point, point_at, sub_segment};
 use crate::pairs::nearest;
 use std::slice;
 
-/// Error of the length of a strut, as a share of it.
+/// Relative error of the length of a strut.
 pub(super) const ACCURACY: f64 = 1e-4;
 
-/// Cosine of the angle between the tangent and the connection of two points up to which a point is
-/// critical. Larger than the error of Newton's method and the kinks of splines in single precision.
+/// A point is critical if the cosine of the angle between the tangent and the connection to the
+/// other point is at most this. It exceeds the error of Newton's method and the kinks of splines in
+/// single precision.
 const CRITICAL: f64 = 2e-6;
 
-/// Sine of the angle at a joint from which on it is a corner.
+/// A joint is a corner if the sine of its angle is at least this.
 const CORNER: f64 = 1e-6;
 
-/// Shortest part, as a share of its segment. Touching parts of this length are not compared.
+/// Length of the shortest part, as a share of its segment. Parts of this length that touch are not
+/// compared.
 const SHORTEST: f64 = 1.0 / (1 << 20) as f64;
 
 /// Maximum number of pairs of parts of a pair of segments.
 const MOST_PAIRS: usize = 1 << 14;
 
-/// Distance that counts as 0, as a share of the largest coordinate.
+/// Distances up to this share of the largest coordinate count as 0.
 const ZERO: f64 = 1e-15;
 
-/// Number of pairs of parts after which bends are bounded as well.
+/// Number of pairs of parts after which second derivatives are bounded as well.
 const FEW_PAIRS: usize = 8;
 
 /// A cubic segment, and the directions of its neighbours on the curve.
@@ -54,19 +58,20 @@ pub(super) struct Side {
     /// Direction at the end of the segment before this one, and at the start of the one after it.
     /// `None` at the ends of an open curve.
     neighbours: [Option<Point>; 2],
-    /// True for the start and for the end if a local minimum of a distance may be there even if the
-    /// distance changes: the curve is open, or has a corner.
+    /// For the start and the end: true if a local minimum of a distance can be there although the
+    /// derivative of the distance is not 0, because the curve is open or has a corner there.
     is_free: [bool; 2],
-    /// Upper bound of the distance from its start to any of its points.
+    /// Upper bound of the distance from the start of the segment to any of its points.
     size: f64,
 }
 
-/// Joints of two segments.
+/// How two segments of one curve are joined.
 #[derive(Clone, Copy)]
 pub(super) struct Joints {
-    /// The segments are one and the same.
+    /// True if both are the same segment.
     pub is_same: bool,
-    /// The second segment follows the first one; the first one follows the second one.
+    /// True if the second segment follows the first one; true if the first one follows the second
+    /// one.
     pub follows: [bool; 2],
 }
 
@@ -104,7 +109,7 @@ impl Part {
         let half = |[s, t]: [f64; 2], range, is_free| Part {
             hull: sub_segment(&self.hull, s, t),
             range,
-            // The second derivative is at most that of the whole.
+            // The bound of the second derivative of the whole holds for the halves.
             deviation: 0.25 * self.deviation,
             is_free,
         };
@@ -122,7 +127,7 @@ impl Part {
         self.range[0] + t * (self.range[1] - self.range[0])
     }
 
-    /// Returns an upper bound of the distance from its start to any of its points.
+    /// Returns an upper bound of the distance from the start of the part to any of its points.
     fn size(&self) -> f64 {
         norm(self.chord()[1]) + self.deviation
     }
@@ -132,8 +137,8 @@ impl Part {
     }
 }
 
-/// Returns the differences of control points: a third of the derivative is a convex combination of
-/// them. Those that are 0 tell no direction.
+/// Returns the differences of consecutive control points. A third of the derivative is a convex
+/// combination of them. Differences of 0 have no direction.
 pub(super) fn directions([a, b, c, d]: &Bezier) -> [Point; 3] {
     [sub(*b, *a), sub(*c, *b), sub(*d, *c)]
 }
@@ -179,8 +184,8 @@ impl Side {
         !is_one_sided(&self.hull, self.is_free, range, reach)
     }
 
-    /// Returns true if the distance to a point does not shrink, to first order, from the point at
-    /// parameter `t`. `away` is the vector from the other point.
+    /// Returns true if the distance to another point does not decrease, to first order, if the
+    /// point at parameter `t` moves along the segment. `away` is the vector from the other point.
     fn is_critical(&self, t: f64, tangent: Point, away: Point) -> bool {
         let slack = |v: Point| CRITICAL * norm(v) * norm(away);
         let slope = dot(tangent, away);
@@ -203,15 +208,15 @@ struct Search<'a> {
     /// Squared length of the shortest strut so far, and its parameters.
     limit_sq: f64,
     best: Option<[f64; 2]>,
-    /// Squared length that counts as 0.
+    /// Squared lengths up to this count as 0.
     zero_sq: f64,
     /// Number of pairs of parts so far.
     count: usize,
 }
 
-/// Returns the shortest strut between two segments, if there is one whose squared length is less
-/// than `limit_sq`. If only parts are left that could not be resolved, returns points of one pair,
-/// with an infinite distance.
+/// Returns the shortest strut between two segments whose squared length is less than `limit_sq`, if
+/// there is one. If only parts remain that could not be resolved, returns points of one pair of
+/// parts, with an infinite distance.
 pub(super) fn approach(sides: [&Side; 2], joints: Joints, limit_sq: f64) -> Option<Approach> {
     let numbers = sides.iter().flat_map(|side| side.hull.as_flattened());
     let largest = numbers.fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -266,7 +271,7 @@ impl Search<'_> {
     }
 
     /// Returns a lower bound of the distance of two parts, and parameters where they are near.
-    /// `None` if no strut between them matters. Lowers the limit if a strut is found.
+    /// `None` if the pair is discarded. Lowers the limit if it finds a strut.
     fn bound(&mut self, pair: &[Part; 2], touches: bool) -> Option<(f64, [f64; 2])> {
         let [p, q] = pair;
         if self.limit_sq <= self.zero_sq {
@@ -299,7 +304,7 @@ impl Search<'_> {
         (least < near(self)).then_some((least, at))
     }
 
-    /// Divides the longer one of two parts; both if they touch.
+    /// Halves the longer one of two parts, or both if they touch, and adds the new pairs to `open`.
     fn divide(&self, [p, q]: &[Part; 2], touches: bool, open: &mut Vec<[Part; 2]>) {
         if self.joints.is_same && p.range == q.range {
             let [a, b] = p.halves();
@@ -326,8 +331,8 @@ impl Search<'_> {
         dot(d, d)
     }
 
-    /// Looks for a local minimum from two points by Newton's method, and keeps it if it is a strut
-    /// below the limit.
+    /// Runs Newton's method from two points. If it ends at a strut that is shorter than the limit,
+    /// the strut becomes the new limit.
     fn descend(&mut self, start: [f64; 2]) {
         let mut at = start;
         let mut value = self.distance_sq(at);
@@ -355,7 +360,8 @@ impl Search<'_> {
                 ],
                 false => [alone(0), alone(1)],
             };
-            // Rounding errors are larger than what the distance still shrinks by.
+            // The distance decreases by less than its rounding error, so it cannot decide about
+            // this step.
             if is_convex && step[0].abs().max(step[1].abs()) < 1e-7 {
                 at = [0, 1].map(|k| (at[k] + step[k]).clamp(0.0, 1.0));
                 value = self.distance_sq(at);
@@ -377,7 +383,8 @@ impl Search<'_> {
         }
     }
 
-    /// Returns true if the distance does not shrink, to first order, from these points.
+    /// Returns true if the distance of these points does not decrease, to first order, if one of
+    /// them moves.
     fn is_strut(&self, at: [f64; 2]) -> bool {
         let Joints { is_same, follows } = self.joints;
         let step = 1e-6;
@@ -450,8 +457,8 @@ fn is_one_sided(
     true
 }
 
-/// Returns true if no critical point of the distance of two parts is a local minimum. False if one
-/// has a free end, where a minimum need not be a critical point.
+/// Returns true if no critical point of the distance of two parts is a local minimum. Returns false
+/// if a part has a free end, where a minimum need not be a critical point.
 fn has_no_minimum(p: &Part, q: &Part) -> bool {
     if p.is_free.contains(&true) || q.is_free.contains(&true) {
         return false;

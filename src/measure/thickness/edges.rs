@@ -10,26 +10,26 @@ use crate::error::Result;
 use crate::pairs::{Nearest, Scale, nearest};
 use crate::periodic::period;
 
-/// No neighbour: the end of an open curve.
+/// Index of a neighbour that does not exist, at the end of an open curve.
 const NONE: u32 = u32::MAX;
 
-/// Relative tolerance of the condition at a vertex. A strut that ends at a vertex must not be lost
-/// to rounding; a pair that is accepted without being a strut is longer than one by at most this
-/// share.
+/// Relative tolerance of the condition at a vertex. Without it, rounding could discard a strut that
+/// ends at a vertex. With it, a pair may be accepted that is not a strut, but is longer than one by
+/// at most this share.
 pub(super) const TOLERANCE: f64 = 1e-12;
 
-/// An edge of a polyline, or a segment of a spline; scaled.
+/// An edge of a polyline, or a segment of a spline, in scaled coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
     pub start: Point,
-    /// Vector to the end.
+    /// Vector from the start to the end.
     pub along: Point,
-    /// Inner control points of a segment of a spline.
+    /// Inner control points, if this is a segment of a spline.
     inner: Option<[Point; 2]>,
     pub curve: u32,
     segment: u32,
-    /// Edges before and after it on its curve. Those of a curve that runs through the cell belong
-    /// to its images at both ends.
+    /// Indices of the previous and the next edge of the curve. At the ends of a yarn, these are
+    /// edges of which an image continues it.
     before: u32,
     after: u32,
 }
@@ -58,17 +58,17 @@ impl Edge {
     }
 }
 
-/// All edges of positive length, or all segments of splines that are not points.
+/// All edges of positive length, or all spline segments that are not single points.
 #[derive(Debug)]
 pub(super) struct Edges {
     edges: Vec<Edge>,
     scale: Scale,
-    /// Lattice of a periodic scene, whose curves are in the first cell.
+    /// Lattice of a periodic scene. Each curve is translated into the first cell.
     pub lattice: Option<Lattice>,
 }
 
-/// Two edges and the nearest points on them: a strut. The first edge comes first in the scene.
-/// `image` is the translation of the second one.
+/// A strut: two edges and the nearest points on them. The edge that comes first in the scene is the
+/// first one; `image` is the translation of the second one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Found {
     pub pair: [u32; 2],
@@ -87,7 +87,7 @@ impl Found {
         Found { least, ..shorter }
     }
 
-    /// Orders struts by length; equal ones by their edges.
+    /// Orders struts by length, and struts of equal length by their edges.
     pub fn order(&self, other: &Found) -> std::cmp::Ordering {
         let length = self.distance_sq.total_cmp(&other.distance_sq);
         let edges = |found: &Found| (found.pair, found.image);
@@ -164,7 +164,7 @@ impl Edges {
         (edge.before != NONE).then(|| self.get(edge.before).along)
     }
 
-    /// Returns a length in the units of the scene as a scaled one.
+    /// Converts a length from the units of the scene to scaled units.
     pub fn scaled(&self, length: f64) -> f64 {
         self.scale.apply([length; 3])[0]
     }
@@ -245,8 +245,9 @@ impl Edges {
         }
         let is_end = |t: f64| t == 0.0 || t == 1.0;
         if is_end(near.s) || is_end(near.t) {
-            // Parallel edges are as close within their overlap. Without this, rounding could choose
-            // an end that belongs to a neighbour, for each pair of edges of two parallel lines.
+            // Parallel edges have the same distance along their overlap. The middle of it is used,
+            // because rounding could otherwise choose an end, which belongs to a neighbour, for
+            // every pair of edges.
             let middle = middle_of_overlap(a, b);
             if middle.distance_sq <= near.distance_sq * (1.0 + TOLERANCE) {
                 near = middle;
@@ -266,22 +267,23 @@ impl Edges {
         Side::new(edge.hull(), [edge.before, edge.after].map(neighbour))
     }
 
-    /// Returns true if the distance from a point of an edge to the point that is nearest to the
-    /// edge does not shrink on the neighbouring edge either (Lemma 2.1). `toward` is the vector to
-    /// the other point. A vertex belongs to the edge that starts there.
+    /// Returns true if the distance from a point of an edge to the other point does not decrease
+    /// along the previous edge either (Lemma 2.1). On `edge` itself, the point is the nearest one.
+    /// `toward` is the vector to the other point. A vertex belongs to the edge that starts there.
     fn is_critical(&self, edge: &Edge, at: f64, toward: Point, length: f64) -> bool {
         if at == 1.0 && !edge.is_last() {
             return false;
         }
         let before = self.before(edge).filter(|_| at == 0.0);
         before.is_none_or(|before| {
-            // The vector between points that touch is a rounding error.
+            // If the points touch, the vector between them is only a rounding error.
             let rounding = 8.0 * f64::EPSILON * (norm(edge.start) + norm(edge.along));
             dot(before, toward) >= -norm(before) * (TOLERANCE * length + rounding)
         })
     }
 
-    /// Returns true if no end of a strut is also at the start of the next edge.
+    /// Returns true if neither end of a strut is at the end of its edge, where the next edge starts
+    /// and owns the strut.
     pub fn owns(&self, found: &Found) -> bool {
         let mut ends = found.pair.into_iter().zip(found.at);
         ends.all(|(edge, at)| at < 1.0 || self.get(edge).is_last())
@@ -307,7 +309,7 @@ impl Edges {
         }
     }
 
-    /// Returns a strut in the units and the coordinates of the scene.
+    /// Converts a strut to the units and the coordinates of the scene.
     pub fn strut(&self, found: &Found) -> Strut {
         let backward = found.image.map(|n| -n);
         let edges = found.pair.map(|k| self.get(k));
@@ -329,8 +331,8 @@ impl Edges {
         };
         let ends = [end(0, Image::default()), end(1, image)];
         let length = match found.distance_sq.sqrt() {
-            // Infinite if the approach could not be resolved; then the distance of the two points
-            // counts.
+            // An infinite length means that the approach could not be resolved. The distance of the
+            // two points is used then.
             f64::INFINITY => distance(ends[0].point, ends[1].point),
             length => self.scale.undo(length),
         };
@@ -342,13 +344,13 @@ impl Edges {
         }
     }
 
-    /// Returns the translation of a curve into the first cell.
+    /// Returns the translation that brings a curve into the first cell.
     fn home(&self, curve: u32) -> Image {
         let home = |lattice: &Lattice| lattice.homes[curve as usize];
         self.lattice.as_ref().map_or_else(Image::default, home)
     }
 
-    /// Returns the given position of a point of an edge.
+    /// Returns a point of an edge in the coordinates in which the curve was given.
     fn given(&self, edge: &Edge, at: f64) -> Point {
         let back = self.home(edge.curve).map(|n| -n);
         let edge = self.moved(edge, back);
@@ -360,7 +362,7 @@ impl Edges {
     }
 }
 
-/// Returns the pair of points in the middle of the part of an edge that is beside another one.
+/// Returns the nearest points of two parallel edges in the middle of their overlap.
 fn middle_of_overlap(a: &Edge, b: &Edge) -> Nearest {
     let on = |edge: &Edge, point: Point| {
         let along = edge.along;

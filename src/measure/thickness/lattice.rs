@@ -2,15 +2,15 @@
 //!
 //! # Which images may be near
 //!
-//! Fractional coordinates are scalar products with the vectors `b` of the inverse of the cell, in
-//! which a lattice vector has integer coordinates. Two points at a distance `d` differ by at most
-//! `|b| d` in a coordinate. So an edge is within `d` of an image `n` of some edge only if, in each
-//! direction, the range of its coordinates, grown by `|b| d`, meets that of all edges, moved by
-//! `n`. The ranges are padded by `1e-7` of all numbers involved, which covers the rounding of the
-//! inverse ([`crate::periodic`] derives it).
+//! Fractional coordinates are scalar products with the vectors `b` of the inverse of the cell;
+//! those of a lattice vector are integers. The fractional coordinates of two points at a distance
+//! `d` differ by at most `|b| d`. So an edge is within `d` of an image `n` of some edge only if, in
+//! each direction, the range of its coordinates, grown by `|b| d`, overlaps the range of all edges,
+//! translated by `n`. The ranges are padded by `1e-7` of all numbers involved, which covers the
+//! rounding of the inverse ([`crate::periodic`] derives it).
 //!
-//! Each curve is moved by the lattice vector that brings it closest to the first cell, so that few
-//! images are near.
+//! Each curve is translated by the lattice vector that brings it closest to the first cell, so that
+//! few images are near.
 
 use super::edges::{Edge, Edges};
 use crate::curve::vector::{add, dot, norm, per_axis};
@@ -19,13 +19,14 @@ use crate::error::{Error, Result};
 use crate::pairs::Scale;
 use crate::periodic::{home_of, images_in, is_multiple, period, too_far};
 
-/// Padding of fractional coordinates, relative to the largest number involved, and at least to 1.
+/// Padding of fractional coordinates, relative to the largest number involved or to 1, whichever is
+/// larger.
 const PAD: f64 = 1e-7;
 
 /// Maximum number of images that are compared with an edge.
 const MOST_IMAGES: f64 = (1_u32 << 24) as f64;
 
-/// The lattice of a periodic scene, scaled as its edges are.
+/// The lattice of a periodic scene, in the scaled coordinates of its edges.
 #[derive(Debug)]
 pub(super) struct Lattice {
     pub cell: Cell,
@@ -36,7 +37,7 @@ pub(super) struct Lattice {
     pub periods: Vec<Image>,
     /// Smallest and largest fractional coordinates of all edges.
     around: [Point; 2],
-    /// If there is a strut, there is one that is at most as long.
+    /// Length of some strut, if there is any strut: the shortest one is at most as long.
     bound: f64,
     /// Largest magnitude of the coordinates of all edges.
     pub size: f64,
@@ -86,7 +87,7 @@ impl Lattice {
         bounds(edge.hull().map(fractional))
     }
 
-    /// Moves the edges of a curve.
+    /// Translates the edges of a curve into the first cell.
     fn bring_home(&mut self, edges: &mut [Edge]) -> Result<()> {
         let curve = edges[0].curve as usize;
         let ranges = edges.iter().map(|edge| self.range(edge));
@@ -102,16 +103,16 @@ impl Lattice {
         Ok(())
     }
 
-    /// Returns a length such that, if there is a strut, there is one that is at most as long.
+    /// Returns an upper bound of the length of the shortest strut, if there is a strut.
     ///
     /// # Derivation
     ///
     /// A curve and its image by a lattice vector that does not continue it are two strands at a
-    /// distance of at most the length of the vector, and their nearest points are a strut. If no
-    /// lattice vector leads from one strand to another one, the scene repeats in one direction
-    /// only, and all curves run along it with this period. If there are several, the same bound
-    /// follows from two of their points. Of one such yarn alone, struts are searched up to two
-    /// periods and the extent of one; no shorter one may exist.
+    /// distance of at most the length of the vector, and their nearest points are a strut. If every
+    /// lattice vector continues its strand, the scene is periodic in one direction only, and all
+    /// curves run along it with this period. If there are several such curves, two of their points
+    /// give the same bound. If there is only one, struts are searched up to two periods plus the
+    /// extent of one; there may be none.
     fn bound_of(&self, edges: &[Edge], extent: f64) -> f64 {
         let curves = edges.chunk_by(|a, b| a.curve == b.curve);
         let curves = curves.map(|edges| self.periods[edges[0].curve as usize]);
@@ -134,7 +135,7 @@ impl Lattice {
         bound * (1.0 + 1e-9)
     }
 
-    /// Returns how far fractional coordinates of points at a distance may differ.
+    /// Returns the maximum difference of the fractional coordinates of two points at a distance.
     fn reach(&self, distance: f64) -> Point {
         self.inverse.map(|b| norm(b) * distance)
     }
@@ -149,8 +150,8 @@ impl Lattice {
         images.product()
     }
 
-    /// Returns all images, one of each two opposite ones, in which some edge may be within a
-    /// distance of this one.
+    /// Returns all images, one of each two opposite images, of which some edge may be within a
+    /// distance of this edge.
     pub fn images(&self, edge: &Edge, distance: f64) -> impl Iterator<Item = Image> {
         let ([lo, hi], reach) = (self.range(edge), self.reach(distance));
         let periodic = self.cell.periodic();
@@ -170,20 +171,21 @@ impl Lattice {
 }
 
 impl Edges {
-    /// Returns the images in which some edge may be within a distance of this edge: see
-    /// [`Lattice::images`].
+    /// Returns the images of which some edge may be within a distance of edge `k`
+    /// ([`Lattice::images`]).
     pub fn images(&self, k: u32, distance_sq: f64) -> impl Iterator<Item = Image> {
         let lattice = self.lattice.iter();
         lattice.flat_map(move |lattice| lattice.images(self.get(k), distance_sq.sqrt()))
     }
 
-    /// Returns the square of a length: if there is a strut, there is one that is at most as long.
+    /// Returns the square of an upper bound of the length of the shortest strut, if there is a
+    /// strut.
     pub fn bound_sq(&self) -> f64 {
         let bound = self.lattice.as_ref().map_or(f64::INFINITY, |l| l.bound);
         bound * bound
     }
 
-    /// Checks that each edge has not too many images within a distance.
+    /// Returns an error if an edge has too many images within a distance.
     ///
     /// # Errors
     ///

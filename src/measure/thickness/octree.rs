@@ -34,7 +34,7 @@ struct Node {
     /// Its edges in [`Octree::order`].
     first: u32,
     end: u32,
-    /// Node after the last one below it.
+    /// Next node that is not a descendant of this one.
     skip: u32,
     is_leaf: bool,
 }
@@ -43,13 +43,13 @@ struct Node {
 #[derive(Debug)]
 pub(super) struct Octree {
     nodes: Vec<Node>,
-    /// Edges by octal tag.
+    /// Edges, sorted by octal tag.
     order: Vec<u32>,
     /// Bounds of the edges in this order.
     bounds: Vec<Bounds>,
 }
 
-/// Sizes of the boxes while the tree is built.
+/// Tree under construction.
 struct Builder<'a> {
     tags: &'a [u64],
     bounds: &'a [Bounds],
@@ -59,8 +59,8 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Adds the node of a range of edges, whose tags agree in all digits before `digit`, from the
-    /// least significant one. A node with one child is left out.
+    /// Adds the node of a range of edges whose tags agree in all digits before `digit`, counted
+    /// from the least significant one. Skips nodes with a single child.
     fn add(&mut self, range: Range<usize>, digit: u32) {
         let at = self.nodes.len();
         let octant = |k: usize| self.tags[k] >> (3 * (digit - 1)) & 7;
@@ -104,7 +104,7 @@ struct Ramp<'a> {
     /// Vector along the edge before it.
     before: Option<Point>,
     bounds: Bounds,
-    /// Instead, for a segment of a spline.
+    /// The spline segment that replaces the ramp, for splines.
     side: Option<Side>,
 }
 
@@ -117,7 +117,7 @@ impl Ramp<'_> {
             return side.may_face(middle, half);
         }
         let center = sub(middle, self.edge.start);
-        // Range of the scalar products with a vector, and a bound of the errors.
+        // Range of the scalar products of the box with a vector, widened by the rounding errors.
         let range = |v: Point| {
             let middle = dot(v, center);
             let size = v.map(f64::abs);
@@ -187,7 +187,8 @@ impl Octree {
         if found.least >= resolved || found.distance_sq.is_infinite() {
             return Ok(Some(found));
         }
-        // Parts of splines that could not be resolved before this strut was known.
+        // Parts of splines that the first search could not resolve are searched again up to this
+        // strut.
         let limit_sq = found.distance_sq * (1.0 + 1e-12);
         let found = Found {
             least: resolved,
@@ -210,9 +211,10 @@ impl Octree {
         Ok(home.into_iter().chain(images).reduce(Found::shorter))
     }
 
-    /// Returns the shortest strut of at most a squared length, with images or without.
+    /// Returns the shortest strut of at most a squared length, between edges and images of edges or
+    /// between edges only.
     ///
-    /// Batches of tasks know the shortest strut of the batches before, and not of one another, so
+    /// A task knows the shortest strut of all earlier batches, but not those of its own batch, so
     /// that the result does not depend on the number of threads.
     fn shortest_of(&self, edges: &Edges, images: bool, limit_sq: f64) -> Option<Found> {
         let search = |chunk: usize, mut best: Option<Found>| {
@@ -269,10 +271,10 @@ impl Octree {
         chunk * CHUNK..((chunk + 1) * CHUNK).min(self.order.len())
     }
 
-    /// Passes the struts between the edge at place `k` and earlier ones to `found`, as far as their
-    /// squared length is at most `limit`. So each pair of edges is compared once. With `images`,
-    /// passes those between this edge and all images of edges, one of each two opposite ones.
-    /// `found` returns a limit for those that follow.
+    /// Passes the struts between the edge at place `k` and earlier edges to `found`, if their
+    /// squared length is at most the limit. So each pair of edges is compared once. With `images`,
+    /// passes the struts between this edge and all images of edges instead, for one of each two
+    /// opposite images. `found` returns the limit for the struts that follow.
     fn search(
         &self,
         edges: &Edges,
@@ -296,7 +298,7 @@ impl Octree {
         }
     }
 
-    /// Passes the struts between an edge and an image of the others to `found`.
+    /// Passes the struts between an edge and one image of the other edges to `found`.
     fn descend(
         &self,
         edges: &Edges,
@@ -304,8 +306,8 @@ impl Octree {
         limit: &mut f64,
         found: &mut impl FnMut(Found) -> f64,
     ) {
-        // Later nodes have later edges, which are not compared with this one. A segment of a spline
-        // is compared with itself.
+        // Nodes after this place have only later edges, which are not compared with this one. A
+        // spline segment is also compared with itself.
         let end = match is_home(&image) {
             true => k + usize::from(!ramp.edge.is_straight()),
             false => self.order.len(),

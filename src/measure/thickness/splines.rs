@@ -7,17 +7,17 @@ use crate::curve::{Basis, Bezier, Cell, CurveSet, Point};
 use crate::pairs::Scale;
 use crate::periodic::period;
 
-/// Relative error of the sharpest bend, and largest number of divisions of segments in addition to
-/// four per segment.
+/// Relative error of the sharpest bend; maximum number of divisions of segments in addition to four
+/// per segment.
 const BEND_ACCURACY: f64 = 1e-4;
 const DIVISIONS: usize = 1 << 20;
 
-/// Relative difference of the lengths of a part and of its halves, at which they are not divided.
-/// The error of the halves is a 256th of it.
+/// A part is not divided if its length and the sum of the lengths of its halves differ by at most
+/// this share. The error of the latter is a 256th of the difference.
 const LENGTH_ACCURACY: f64 = 1e-9;
 
-/// Part of a segment that is not divided to measure its length: the length of a cusp's tip is
-/// quadratic in it.
+/// A part of at most this share of a segment is not divided to measure its length. The length of
+/// the tip of a cusp is quadratic in the size of the part.
 const TIP: f64 = 1e-5;
 
 /// Returns an upper bound of the distance between a cubic segment and its chord, both at the same
@@ -28,11 +28,10 @@ pub(super) fn deviation([a, b, c, d]: &Bezier) -> f64 {
     0.75 * second(a, b, c).max(second(b, c, d)) * (1.0 + 1e-9)
 }
 
-/// Returns the length of a segment. Parts are halved until the rule of Gauss and Legendre of four
-/// points gives the same length for a part and for its halves, or the part is a tip of a cusp.
+/// Returns the length of a segment. Parts are halved until the Gauss-Legendre rule with four points
+/// gives the same length for a part and for its halves, or until the part is the tip of a cusp.
 pub(super) fn length(hull: &Bezier) -> f64 {
-    // The differences of the control points keep their digits, however far the segment is from the
-    // origin.
+    // The differences of the control points lose no digits if the segment is far from the origin.
     let directions = &directions(hull);
     let whole = [0.0, 1.0];
     length_of(directions, whole, by_four_points(directions, whole))
@@ -50,7 +49,7 @@ fn length_of(directions: &[Point; 3], [from, to]: [f64; 2], known: f64) -> f64 {
     lengths.iter().sum()
 }
 
-/// Returns the length of a part by the rule of Gauss and Legendre of four points.
+/// Returns the length of a part by the Gauss-Legendre rule with four points.
 fn by_four_points([u, v, w]: &[Point; 3], [from, to]: [f64; 2]) -> f64 {
     let nodes = [
         (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
@@ -65,12 +64,12 @@ fn by_four_points([u, v, w]: &[Point; 3], [from, to]: [f64; 2]) -> f64 {
     half * nodes.map(pair).iter().sum::<f64>()
 }
 
-/// A part of a segment: its curve, its number, and its ends.
+/// A part of a segment: the curve, the segment, and the parameters of its ends.
 type Part = (usize, usize, [f64; 2]);
 
-/// Returns the sharpest bend: 0 at a corner between two segments, else the smallest radius of
-/// curvature. Parts of segments whose lower bound is not close to the smallest radius at a point
-/// are divided.
+/// Returns the sharpest bend: radius 0 at a corner between two segments, else the smallest radius
+/// of curvature. Divides parts of segments whose lower bound is not close to the smallest radius
+/// found so far.
 pub(super) fn min_rad(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
     if let Some(corner) = corner(set, cell) {
         return Some(corner);
@@ -131,8 +130,8 @@ pub(super) fn min_rad(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
 
 /// Returns a lower bound of the radius of curvature of a part of a cubic segment, and the radius in
 /// its middle. The bound follows from the Bernstein coefficients of `|r'|^2` and of `r' x r''`,
-/// which is quadratic. Both are divided, not the segment: the differences of the control points of
-/// a short part would have lost all digits.
+/// which is quadratic. These polynomials are subdivided instead of the segment, because the
+/// differences of the control points of a short part would lose all digits.
 fn radii(hull: &Bezier, [from, to]: [f64; 2]) -> [f64; 2] {
     let [u, v, w] = directions(hull);
     let part = |[a, b, c]: [Point; 3]| {
@@ -154,7 +153,8 @@ fn radii(hull: &Bezier, [from, to]: [f64; 2]) -> [f64; 2] {
     let slowest = speeds.into_iter().fold(f64::INFINITY, f64::min).max(0.0);
     let quotient = |speed_sq: f64, turn: f64| match turn > 0.0 {
         true => speed_sq * speed_sq.sqrt() / turn,
-        // Straight; or at rest, where there is no direction.
+        // Infinite if the part is straight. 0 if the derivative vanishes, so that there is no
+        // direction.
         false if speed_sq > 0.0 => f64::INFINITY,
         false => 0.0,
     };
@@ -169,7 +169,8 @@ fn corner(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
     for (i, curve) in set.curves().iter().enumerate() {
         let runs_through = cell.is_some_and(|cell| period(set, i, cell).is_some());
         for s in 0..curve.segments {
-            // Splines of other bases are smooth, but need not go on as they began.
+            // Splines of other bases are smooth inside, but a yarn may continue in another
+            // direction at the end of its period.
             let is_smooth = set.basis() != Basis::Bezier;
             let next = match s + 1 {
                 next if next < curve.segments && !is_smooth => next,

@@ -1,11 +1,11 @@
-//! Struts and bends in words.
+//! Texts for struts and bends.
 
 use super::{MinRad, Strut};
 use crate::curve::{Notation, is_home};
 use crate::verdict::words_of_pair;
 use std::fmt;
 
-/// Returns the bound of an error in words, if there is one.
+/// Returns a text for an error bound; empty if the bound is 0.
 fn error(error: f64) -> String {
     match error {
         0.0 => String::new(),

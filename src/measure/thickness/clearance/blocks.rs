@@ -1,4 +1,4 @@
-//! Blocks of eight segments, and chunks of blocks: what moves together.
+//! Blocks of eight segments, and chunks of blocks, whose motion is bounded together.
 
 use super::motion::Ranges;
 use crate::curve::{CurveSet, Image, is_home};
@@ -9,8 +9,9 @@ use std::ops::Range;
 /// Number of blocks in a chunk.
 pub(super) const CHUNK: usize = 64;
 
-/// A block and an image of another one, or of itself. Of both orders, that is listed in which the
-/// first curve comes first, or the image of the same curve is positive in lexicographic order.
+/// A pair of a block and an image of another block, or of itself. Each pair is listed in one order
+/// only: the first curve has the lower index, or, for one curve, the image is positive in
+/// lexicographic order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct BlockPair {
     pub blocks: [u32; 2],
@@ -18,7 +19,7 @@ pub(super) struct BlockPair {
     pub image: Image,
 }
 
-/// The blocks of all curves, and the points of which they consist.
+/// The blocks of all curves, and the control points that they depend on.
 #[derive(Debug)]
 pub(super) struct Blocks {
     pub numbers: pairs::Blocks,
@@ -45,7 +46,8 @@ impl Blocks {
             };
             for from in (0..curve.segments as usize).step_by(LANES) {
                 let last = (from + LANES).min(curve.segments as usize) - 1;
-                // Places in the curve, with `lead` points of its end before the first one.
+                // Range of the control points, from `lead` points before the first point of the
+                // curve.
                 let (from, to) = (from * stride, last * stride + window);
                 let own = (from.max(lead) - lead).min(n)..(to - lead).min(n);
                 let before = n - (lead - from.min(lead))..n;
@@ -73,8 +75,8 @@ impl Blocks {
     }
 }
 
-/// Returns the points of successive blocks: those from the first one to the last one, and what
-/// wraps around the ends of curves that are not contained.
+/// Returns the points of consecutive blocks: the range from the first block to the last one, and
+/// ranges at the start of closed curves on which the last blocks of a curve depend.
 fn joined(blocks: &[Ranges]) -> Ranges {
     let from = blocks[0][0][0];
     let to = blocks.iter().map(|[own, ..]| own[1]).max();

@@ -1,4 +1,4 @@
-//! Images of the blocks of a periodic scene, and how they move if the cell changes.
+//! Images of the blocks of a periodic scene, and their motion if the cell changes.
 //!
 //! # Proof: images that are not listed are beyond the reach
 //!
@@ -7,12 +7,13 @@
 //! (R + E)`, with the vectors `b` of the inverse of the cell. If the vectors move by `d[k]`, that
 //! lattice vector moves by at most the sum of all `|b[k]| (R + E) |d[k]|`, the *drift*.
 //!
-//! A list is complete up to a clearance as long as no two blocks moved, together with the lattice
-//! vector between them, by more than twice its skin. Let a pair be within this clearance now, and
-//! `R` the distance that the clearance and twice the skin make. The current motion of its lattice
-//! vector is at most the drift. So the pair was within `R` in the reference frame before, too, and
-//! the same holds for the motion before that, and so on: if it was not listed, all motions together
-//! exceed twice the skin.
+//! The list is complete up to a clearance as long as no two blocks, together with the lattice
+//! vector between them, moved by more than twice the skin. Suppose that a pair is within this
+//! clearance now. Let `R` be the distance of that clearance plus twice the skin. The motion of the
+//! lattice vector since the last reference frame is at most the drift for `R`, so the pair was
+//! within `R` in that reference frame, too. The same holds for each earlier reference frame, back
+//! to the frame of the list. So if the pair was not listed, all these motions together exceed twice
+//! the skin.
 
 use crate::curve::vector::{add, dot, norm, per_axis};
 use crate::curve::{Box3, Cell, Image, Point, is_home, pow2};
@@ -20,7 +21,8 @@ use crate::error::Result;
 use crate::pairs::LinkSearch;
 use crate::periodic::overlapping;
 
-/// Padding of fractional coordinates, relative to the largest one, and at least to a cell.
+/// Padding of fractional coordinates, relative to the largest coordinate or to a cell, whichever is
+/// larger.
 const PAD: f64 = 1e-7;
 
 /// Relative rounding error of the motion of a lattice vector.
@@ -33,7 +35,7 @@ pub(super) struct Lattice {
     inverse: [Point; 3],
     /// Upper bound of the distance of two points of the scene.
     extent: f64,
-    /// Distance of strands up to which images are listed, with the motion that is allowed.
+    /// Maximum distance of strands whose images are listed, including the allowed motion.
     reach: f64,
 }
 
@@ -42,11 +44,11 @@ pub(super) struct Lattice {
 pub(super) struct LatticeMotion {
     /// Motion of each vector.
     moved: Cell,
-    /// Lengths of the vectors, the longer ones of both frames.
+    /// For each vector, the larger of its lengths in both frames.
     lengths: [f64; 3],
     /// Lengths of the vectors of the inverse of the current cell.
     inverse: [f64; 3],
-    /// Distance of two points of the reference frame, and of strands, at most.
+    /// Maximum distance of two points of the reference frame plus the reach.
     within: f64,
 }
 
@@ -119,7 +121,7 @@ impl Lattice {
             return None;
         }
         let vector = |k: usize| per_axis(|x| cell.vectors[k][x] - self.cell.vectors[k][x]);
-        // No cell without an inverse is measured: then nothing is known about this one.
+        // Cells without an inverse are never measured. For such a cell, the motion is unbounded.
         let inverse = cell.inverse().map(|b| b.map(norm));
         Some(LatticeMotion {
             moved: Cell {
@@ -142,10 +144,10 @@ impl Lattice {
 
 impl LatticeMotion {
     /// Returns an upper bound of the motion of lattice vectors between near strands. `farthest` is
-    /// that of the motion of blocks.
+    /// an upper bound of the motion of blocks.
     pub fn largest(&self, farthest: f64) -> f64 {
         let motion = per_axis(|k| norm(self.moved.vectors[k]) + ROUNDING * self.lengths[k]);
-        // A vector at rest adds nothing, even if the inverse is infinite.
+        // A vector that does not move adds nothing, even if its inverse is infinite.
         let moved = (0..3).filter(|&k| motion[k] > 0.0);
         let shares = moved.map(|k| self.inverse[k] * motion[k]);
         shares.sum::<f64>() * (self.within + 2.0 * farthest) * (1.0 + 1e-7)

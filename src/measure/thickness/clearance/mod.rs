@@ -1,30 +1,29 @@
-//! Clearance of moving strands: the distance of their centre lines, as a share of the sum of their
-//! radii, from frame to frame.
+//! Clearance of moving strands, from frame to frame: the distance of their centre lines divided by
+//! the sum of their radii.
 //!
-//! # Proof: strands that are left alone are no closer than the level
+//! # Proof: strands that are not measured are no closer than the level
 //!
-//! The strands are blocks of eight segments ([`blocks`]). All pairs of blocks within a range are
-//! listed ([`near`]), with a lower bound of their clearance in a reference frame. A rigid motion of
-//! the whole scene changes no distance, so only the motion relative to one counts ([`motion`]). Two
-//! blocks at a distance `d` that moved by `a` and `b` since the reference frame are at least
-//! `d - a - b` apart, so each block may move half of what its nearest neighbour has above the level
-//! until its pairs are compared. Then the motion of both blocks of a pair relative to one another
-//! counts, and pairs that may have come below the level are measured. Blocks that are not listed
-//! are further apart than the reach, until a block has moved half of what the range has beyond it:
-//! then the pairs are listed anew.
+//! The strands are divided into blocks of eight segments ([`blocks`]). All pairs of blocks within a
+//! range are listed ([`near`]), with a lower bound of their clearance in a reference frame. A rigid
+//! motion of the whole scene changes no distance, so it is subtracted from the motion of the blocks
+//! ([`motion`]). Two blocks at a distance `d` that moved by `a` and `b` since the reference frame
+//! are at least `d - a - b` apart. So a block may move by half of the excess of its nearest
+//! neighbour over the level before its pairs are compared. The comparison bounds the relative
+//! motion of both blocks of a pair, and pairs that may now be below the level are measured. Blocks
+//! that are not listed are further apart than the reach, as long as no block moved by more than
+//! half of the difference between range and reach. Beyond that, the pairs are listed again.
 //!
-//! In a periodic cell, pairs of a block and an image of a block are listed as well
-//! ([`lattice`]). If the cell changes, the motion of the lattice vector between both blocks of a
-//! pair counts as well.
+//! In a periodic cell, pairs of a block and an image of a block are listed as well ([`lattice`]).
+//! If the cell changes, the motion of the lattice vector between both blocks of a pair is added.
 //!
 //! # Level
 //!
-//! All strands below the level are measured in each frame, so that a clearance below it is that of
-//! the closest strands. The level is never below that of the warning. Above it, it is the clearance
-//! of the reference frame less a tolerance. The current frame becomes the reference frame when the
-//! comparisons since the last time have cost as much as that does; the tolerance grows if that
-//! happens often, and shrinks if it happens rarely. In a motion that is too violent for all this,
-//! each frame is searched for the closest strands alone.
+//! All strands below the level are measured in each frame, so the closest strands are known exactly
+//! if they are below it. The level is never lower than the clearance of the warning. Otherwise, it
+//! is the clearance of the reference frame minus a tolerance. The current frame becomes the
+//! reference frame once the comparisons since the last change have cost as much as the change does.
+//! The tolerance grows if that happens often, and shrinks if it happens rarely. If the motion is
+//! too violent for these lists, each frame is searched only for its closest strands.
 
 mod blocks;
 mod lattice;
@@ -50,21 +49,22 @@ use crate::verdict::{Clearance, CloseStrands};
 /// along it have 1.57.
 pub(crate) const REACH: f64 = 1.5;
 
-/// Clearance below which a warning is due, unless another one is given.
+/// Clearance below which a warning is given, unless the options have another one.
 const LOW: f64 = 0.5;
 
-/// Smallest and largest tolerance, and that of the first frame: shares of a diameter.
+/// Smallest and largest tolerance, and that of the first frame, as shares of a diameter.
 const TOLERANCES: [f64; 3] = [0.05, 0.4, 0.25];
 
-/// Largest difference between the closest strands that were measured and the level: when others
-/// have moved away, the level is chosen anew.
+/// Maximum difference between the clearance of the closest measured strands and the level. If close
+/// strands moved away and the difference is larger, a new level is chosen.
 const MOST_SLACK: f64 = 0.5;
 
-/// Smallest and largest distance that blocks may move until the pairs are listed anew, and that of
-/// the first frame: in radii.
+/// Smallest and largest skin, and that of the first frame, in radii. The skin is the distance that
+/// blocks may move before the pairs are listed again.
 const SKINS: [f64; 3] = [0.5, 4.0, 1.0];
 
-/// Numbers of frames for which a list should last: below the first one, it is not worth its cost.
+/// Numbers of frames for which a list must last and should last. If the largest skin lasts for
+/// fewer than the first number, the list is made for one frame only.
 const LASTS: [f64; 2] = [2.0, 8.0];
 
 /// Number of closest pairs of blocks that are measured in every frame.
@@ -73,15 +73,14 @@ const CLOSEST: usize = 4;
 /// Number of comparisons of pairs that cost as much as one measurement.
 const MEASUREMENT: usize = 16;
 
-/// Motion that is as good as none: a share of a radius.
+/// Motion that is negligible, as a share of a radius.
 const SMALL: f64 = 0.05;
 
-/// Largest number of doublings of the work after which the current frame becomes the reference
-/// frame.
+/// Maximum of [`ClearanceMonitor::patience`].
 const PATIENCE: u32 = 5;
 
-/// Largest magnitude of coordinates, and largest and smallest radius, for which single-precision
-/// bounds are safe.
+/// Largest coordinate and radius, and inverse of the smallest radius, for which single-precision
+/// bounds cannot overflow.
 const LARGEST: f64 = 1e30;
 
 /// Strands whose clearance is measured.
@@ -214,14 +213,15 @@ pub(crate) struct ClearanceMonitor {
     ages: [u32; 2],
     /// Work since the reference frame, in comparisons of pairs.
     work: usize,
-    /// Doublings of the work after which the current frame becomes the reference frame.
+    /// Number of doublings of the work that is allowed before the current frame becomes the
+    /// reference frame.
     patience: u32,
     /// Pairs that are measured in every frame.
     closest: Vec<BlockPair>,
     trend: Trend,
 }
 
-/// Shape, arcs, blocks and periods of the curves. They depend on the first frame only.
+/// Shape, arc lengths, blocks and periods of the curves, computed from the first frame.
 #[derive(Debug)]
 struct Layout {
     shape: Shape,
@@ -247,7 +247,7 @@ impl Measurement {
         self.pairs.extend(pairs.into_iter().zip(measured));
     }
 
-    /// Returns the clearance of the closest strands, up to the reach.
+    /// Returns the clearance of the closest strands; at most the reach.
     fn ratio(&self) -> f64 {
         self.closest.map_or(REACH, |c| c.ratio)
     }
@@ -329,7 +329,7 @@ impl ClearanceMonitor {
         let layout = self.prepare(set, cell)?;
         let radii = std::mem::take(&mut self.radii);
         let strands = layout.strands((set, cell), &radii);
-        // Once, so that the parallel parts need not each wake a thread.
+        // One call into the thread pool, so that the parallel stages do not each wake a thread.
         let measured = rayon::scope(|_| self.measure_strands(&strands));
         self.layout = Some(layout);
         self.radii = radii;
@@ -343,9 +343,9 @@ impl ClearanceMonitor {
         })
     }
 
-    /// Returns what depends on the curves only, and checks their radii.
+    /// Checks the radii, and returns what depends only on the curves, not on their positions.
     fn prepare(&mut self, set: &CurveSet, cell: Option<&Cell>) -> Result<Layout> {
-        // Displacements of larger ones may overflow.
+        // Displacements of larger coordinates may overflow.
         if set.max_abs() > LARGEST {
             let what = format!("of coordinates above {LARGEST:e}");
             return Err(Error::unsupported("clearance", what));
@@ -385,7 +385,7 @@ impl ClearanceMonitor {
                 self.work += compared + MEASUREMENT * due.len();
                 let measured = strands.measure(&due, limit);
                 found.add(due, measured);
-                // Each of two blocks moved by so much.
+                // Each of the two blocks of a pair moved by at most `farthest`.
                 let least = list.least - moved.farthest / smallest;
                 let mut at_least = least.max(list.level.min(found.ratio()));
                 let costly = self.work > (list.len() + CLOSEST * MEASUREMENT) << self.patience;
@@ -415,14 +415,14 @@ impl ClearanceMonitor {
         Ok((at_least, closest))
     }
 
-    /// Returns the tolerance, which is none if the list is made for one frame, and the level for
-    /// strands of this clearance.
+    /// Returns the tolerance and the level for strands of clearance `ratio`. The tolerance is 0 if
+    /// the list is made for one frame only.
     fn level(&self, skin: f64, ratio: f64) -> [f64; 2] {
         let tolerance = if skin > 0.0 { self.tolerance } else { 0.0 };
         [tolerance, (ratio - tolerance).max(self.options.low)]
     }
 
-    /// Lists the near pairs of a frame. Keeps what an old list knows about them.
+    /// Lists the near pairs of a frame. Keeps the bounds of pairs from the old list.
     fn build(
         &mut self,
         strands: &Strands<'_>,
@@ -459,15 +459,15 @@ impl ClearanceMonitor {
         Ok(list)
     }
 
-    /// Measures the pairs that may be close to the level in the reference frame, which is the
-    /// current one, and chooses the level.
+    /// Measures the pairs that may be close to the level in the reference frame, which must be the
+    /// current frame, and chooses the level.
     fn settle(&mut self, list: &mut NearList, strands: &Strands<'_>, found: &mut Measurement) {
         let [tolerance, level] = self.level(list.reach.skin, found.ratio());
         let due = list.below((level + tolerance).min(list.reach.ratio));
         let pairs = list.blocks_of(&due);
         let limit = (level + 2.0 * tolerance).min(REACH);
-        // A list that is used for one frame only needs no precise bounds of pairs that are not the
-        // closest.
+        // If the list is made for one frame only, precise bounds are needed only for the closest
+        // pairs.
         let measured = match list.reach.skin == 0.0 {
             true => strands.measure_closest(&pairs, limit),
             false => strands.measure(&pairs, limit),
@@ -478,7 +478,8 @@ impl ClearanceMonitor {
         list.set_level(level.min(list.reach.ratio), &strands.layout.blocks);
     }
 
-    /// Adapts to how long the reference frame lasted.
+    /// Adapts the tolerance and the patience to the number of frames that the reference frame
+    /// lasted.
     fn adapt(&mut self) {
         let [least, most, _] = TOLERANCES;
         match self.ages[1] {

@@ -1,4 +1,5 @@
-//! Motion of a scene since a reference frame: a rigid motion, and what remains of each part.
+//! Motion of a scene since a reference frame: the rigid motion of the whole, and the remaining
+//! motion of each part.
 
 use crate::curve::vector::per_axis;
 use crate::curve::{Point, Positions, Real, larger, smaller};
@@ -7,11 +8,11 @@ use nalgebra::{Matrix3, Vector3};
 /// Number of points to which a rigid motion is fitted.
 const SAMPLES: usize = 64;
 
-/// A rigid motion `q -> q + shift`, of a scene that was turned back by `turn_back`. It changes no
-/// distance.
+/// A rigid motion, which changes no distance: points of a frame, turned back by `turn_back`, are
+/// those of the reference frame plus `shift`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rigid {
-    /// Inverse of the rotation about `center`; `None` if the scene only moves.
+    /// Inverse of the rotation about `center`; `None` if the motion is a translation.
     turn_back: Option<Matrix3<f64>>,
     center: Vector3<f64>,
     shift: Point,
@@ -19,9 +20,9 @@ pub(super) struct Rigid {
 
 impl Rigid {
     /// Fits a motion to some of the points of two frames. The rotation is that of Kabsch (1976). It
-    /// is looked for if some points differ by more than `small` without it, and kept if that halves
-    /// the difference. A poor fit only makes points travel further. An infinite `small` excludes
-    /// rotations.
+    /// is computed if some points differ by more than `small` after the translation alone, and is
+    /// kept if it halves the difference. A poor fit only makes the remaining motion larger. With an
+    /// infinite `small`, the motion is a translation.
     pub fn fit([before, after]: [Positions<'_>; 2], small: f64) -> Rigid {
         let count = before.len() / 3;
         let step = (count / SAMPLES).max(1);
@@ -54,7 +55,7 @@ impl Rigid {
             p * q.transpose() * share
         });
         let products: Matrix3<f64> = products.sum();
-        // The decomposition need not end for other numbers.
+        // The decomposition may not terminate for infinities or NaN.
         if !products.iter().all(|x| x.is_finite()) {
             return still;
         }
@@ -86,8 +87,8 @@ impl Rigid {
     }
 }
 
-/// Ranges of points, counted over all curves. Most parts have one, others wrap around the ends of
-/// closed curves.
+/// Ranges of points, counted over all curves. Most parts have one range; parts that wrap around the
+/// end of a closed curve have more. Unused ranges are empty.
 pub(super) type Ranges = [[u32; 2]; 3];
 
 /// Box of the displacements of all points of a part of the curves.
@@ -122,13 +123,14 @@ impl Displacements {
 pub(super) struct Step<'a> {
     pub frames: [Positions<'a>; 2],
     pub rigid: Rigid,
-    /// Share of the size of a box by which curves leave that of their control points, on each side.
+    /// Share of the size of the box of the control points by which a curve can extend beyond it, on
+    /// each side.
     pub widen: f64,
 }
 
 impl Step<'_> {
-    /// Returns the displacements of parts, turned back if the scene turned. They cover the rounding
-    /// to the precision of the coordinates.
+    /// Computes the displacements of parts, turned back if the scene turned. They include the
+    /// rounding errors of the coordinates.
     #[inline(always)]
     pub fn displacements(&self, parts: &[Ranges], out: &mut [Displacements]) {
         for (ranges, out) in parts.iter().zip(out) {
@@ -172,7 +174,8 @@ impl Step<'_> {
                 hi[x] = larger(hi[x], d[x]);
             }
         }
-        // Rounding of the rotation, also that it is none exactly, and of the centre.
+        // Rounding errors of the rotation matrix, its deviation from orthogonality included, and of
+        // the centre.
         let rounding = 1e-14 * (magnitude + center.amax());
         self.widened([lo, hi], rounding)
     }
@@ -189,7 +192,7 @@ impl Step<'_> {
     }
 }
 
-/// Smallest and largest differences of coordinates, those of eight points side by side.
+/// Smallest and largest differences of coordinates, eight points in parallel.
 struct Extremes<T> {
     lo: [T; 24],
     hi: [T; 24],

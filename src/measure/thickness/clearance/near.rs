@@ -1,4 +1,4 @@
-//! Pairs of near blocks, and how far they may move before they must be measured again.
+//! Pairs of near blocks, and the distances that they may move before they must be measured again.
 
 use super::blocks::{BlockPair, Blocks, CHUNK};
 use super::lattice::{Lattice, LatticeMotion};
@@ -21,16 +21,17 @@ const CHUNKS_PER_TASK: usize = 32;
 /// Margin of a bound, in diameters, that covers all rounding to single precision.
 const MARGIN: f64 = 1e-6;
 
-/// Maximum number of near pairs of blocks, of which each needs up to 72 bytes. Yarn has about ten
+/// Maximum number of near pairs of blocks, each of which needs up to 72 bytes. Yarn has about ten
 /// per block.
 pub(super) const MOST_NEAR: usize = 1 << 24;
 
-/// Distance up to which pairs are listed.
+/// Distances up to which pairs are listed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reach {
     /// Clearance up to which the list is complete.
     pub ratio: f64,
-    /// Distance by which each block may move, relative to a rigid motion, until the list is not.
+    /// Distance that each block may move, relative to a rigid motion, while the list stays
+    /// complete.
     pub skin: f64,
 }
 
@@ -47,9 +48,9 @@ struct NearPair {
 /// The near pairs of a reference frame.
 #[derive(Debug)]
 pub(super) struct NearList {
-    /// Sorted.
+    /// The pairs, sorted.
     pairs: Vec<NearPair>,
-    /// Pairs of each block, once they are needed.
+    /// Indices in `pairs` of the pairs of each block, once a level was chosen.
     of: Option<BlockLists<u32>>,
     /// Positions of the reference frame.
     reference: Received,
@@ -58,9 +59,9 @@ pub(super) struct NearList {
     pub reach: Reach,
     /// Largest distance that a block moved from the frame of the list to the reference frame.
     traveled: f64,
-    /// No pair of blocks that moved less than they are allowed comes below this level.
+    /// Pairs of blocks that moved by less than their allowances stay above this level.
     pub level: f64,
-    /// Distance that each block may move from the reference frame, and the least of each chunk.
+    /// Distance that each block may move from the reference frame; then the minimum of each chunk.
     allowances: Vec<f32>,
     chunk_allowances: Vec<f32>,
     /// Lower bound of the clearance of all strands in the reference frame.
@@ -71,19 +72,20 @@ pub(super) struct NearList {
 pub(super) struct Moved {
     rigid: Rigid,
     chunks: Vec<Displacements>,
-    /// Upper bound of the largest motion of a block, and half of that of a lattice vector.
+    /// Upper bound of the largest motion of a block, plus half of that of a lattice vector.
     pub farthest: f64,
     /// Half of the upper bound of the motion of lattice vectors between near strands.
     drift: f64,
     /// Motion of the lattice, if its cell changed.
     lattice: Option<LatticeMotion>,
-    /// First of the blocks of a chunk in `blocks`, if they are distinguished.
+    /// For each chunk, the index of its first block in `blocks`. `None` if its blocks share the
+    /// displacements of the chunk.
     starts: Vec<Option<u32>>,
     blocks: Vec<Displacements>,
 }
 
 impl Moved {
-    /// Distinguishes the blocks of these chunks.
+    /// Computes separate displacements for the blocks of these chunks.
     fn divide(&mut self, step: &Step<'_>, strands: &Strands<'_>, chunks: &[usize]) {
         let (known, blocks) = (self.blocks.len(), &strands.layout.blocks);
         for &chunk in chunks {
@@ -97,7 +99,7 @@ impl Moved {
             let parts = &blocks.points[from..from + out.len()];
             dispatch!(Step::displacements(step, parts, out));
         };
-        // Only the last chunk may be smaller.
+        // Only the last chunk of the scene may have fewer blocks.
         let new = &mut self.blocks[known..];
         let parts = chunks.par_iter().zip(new.par_chunks_mut(CHUNK));
         parts.with_min_len(CHUNKS_PER_TASK).for_each(fill);
@@ -128,7 +130,7 @@ impl Moved {
         f64::from(pair.bound) - moved / f64::from(pair.radii)
     }
 
-    /// Returns an upper bound of the motion of a block, or of the blocks of a chunk, and half of
+    /// Returns an upper bound of the motion of a block, or of the blocks of a chunk, plus half of
     /// that of a lattice vector.
     #[inline(always)]
     fn largest(&self, moved: &Displacements) -> f64 {
@@ -223,8 +225,8 @@ impl NearList {
         })
     }
 
-    /// Takes over what an older list with the same reference frame knows about the pairs of this
-    /// one, so that they need not be measured again.
+    /// Copies the bounds of an older list with the same reference frame, so that pairs in both
+    /// lists need not be measured again.
     pub fn inherit(&mut self, old: &NearList) {
         let mut known = old.pairs.iter().peekable();
         for pair in &mut self.pairs {
@@ -243,10 +245,10 @@ impl NearList {
         }
     }
 
-    /// Returns how the blocks moved from the reference frame to this one. A motion of less than
-    /// `small` is as good as none.
+    /// Returns the motion of the blocks from the reference frame to this one. A motion of less than
+    /// `small` is negligible.
     pub fn moved(&self, strands: &Strands<'_>, small: f64) -> Moved {
-        // A rotation would turn the lattice, too.
+        // In a periodic scene, rotations are excluded, because they would turn the lattice, too.
         let small = self.lattice.as_ref().map_or(small, |_| f64::INFINITY);
         let rigid = Rigid::fit([self.reference.positions(), strands.positions], small);
         let parts = &strands.layout.blocks.chunks[..];
@@ -274,13 +276,14 @@ impl NearList {
         }
     }
 
-    /// Returns an upper bound of the distance that a block moved since the list was made, and half
+    /// Returns an upper bound of the distance that a block moved since the list was made, plus half
     /// of that of a lattice vector.
     pub fn traveled(&self, moved: &Moved) -> f64 {
         self.traveled + moved.farthest
     }
 
-    /// Returns true if all strands that are not listed are beyond the reach after this motion.
+    /// Returns true if, after this motion, all strands that are not listed are still beyond the
+    /// reach.
     pub fn is_complete(&self, moved: &Moved) -> bool {
         self.reach.skin > 0.0 && self.traveled(moved) <= self.reach.skin
     }
@@ -376,7 +379,7 @@ impl NearList {
         }
     }
 
-    /// Chooses the level, and with it how far each block may move.
+    /// Sets the level, and computes how far each block may move before its pairs are compared.
     pub fn set_level(&mut self, level: f64, blocks: &Blocks) {
         self.level = level;
         let bounds = self.pairs.iter().map(|pair| f64::from(pair.bound));

@@ -11,7 +11,7 @@ use crate::verdict::CloseStrands;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Deviation of the chords of a spline, as a share of its radius, up to which they are not divided.
+/// Chords of a spline are not divided further if they deviate by at most this share of its radius.
 const DEVIATION: f64 = 0.02;
 
 /// Maximum number of chords of a segment.
@@ -20,13 +20,13 @@ const CHORDS: usize = LANES;
 /// Number of pairs of blocks that a task measures.
 const RUN: usize = 256;
 
-/// One of this many pairs is in the sample that is measured first.
+/// One of this many pairs belongs to the sample that is measured first.
 const SAMPLE: usize = 16;
 
 /// Number of blocks in the cache of a task.
 const KNOWN: usize = 64;
 
-/// Positions along the curves.
+/// Arc lengths along the curves.
 #[derive(Debug)]
 pub(super) struct Arcs {
     /// First segment of each curve, counted over all curves.
@@ -120,7 +120,7 @@ impl Arcs {
 pub(super) struct Measured {
     /// Lower bound of the distance, as a share of the sum of the radii.
     pub bound: f64,
-    /// Closest segments, if they were compared: they are not if all are beyond the limit.
+    /// Closest segments. `None` if they were not compared, because all are beyond the limit.
     pub closest: Option<CloseStrands>,
 }
 
@@ -148,7 +148,7 @@ struct Block {
 }
 
 impl Block {
-    /// Returns the distances of a chord from those of another block.
+    /// Returns the distances of chord `k` of this block from all chords of another block.
     #[inline(always)]
     fn distances(&self, k: usize, other: &Block) -> [f64; LANES] {
         let one = self.chords.map(|v| Eight::repeat(per_axis(|x| v[x].0[k])));
@@ -171,7 +171,8 @@ impl Block {
 
 /// All strands of a frame.
 pub(super) struct Strands<'a> {
-    /// Only asked for its curves, so that a frame that was only compared stays as received.
+    /// Only its layout is read here. The positions are read from the frame as received, so that
+    /// frames that are only compared need no copy.
     pub set: &'a CurveSet,
     pub positions: Positions<'a>,
     /// Radius of each curve.
@@ -182,8 +183,9 @@ pub(super) struct Strands<'a> {
 }
 
 impl Strands<'_> {
-    /// Returns by how many periods the second block of a pair is later on the same curve. `None` if
-    /// they are blocks of different curves, or of a curve and an image that does not continue it.
+    /// Returns the number of periods by which the second block of a pair comes later on the same
+    /// curve. `None` if they are blocks of different curves, or of a curve and an image that does
+    /// not continue it.
     fn later(&self, pair: &BlockPair) -> Option<i32> {
         let curves = &self.layout.blocks.numbers.curves;
         let [i, j] = pair.blocks.map(|k| curves[k as usize] as usize);
@@ -224,13 +226,13 @@ impl Strands<'_> {
     /// Measures only the closest strands of all pairs of blocks. Other pairs have a lower bound,
     /// which is no smaller than the distance of the closest strands.
     pub fn measure_closest(&self, pairs: &[BlockPair], limit: f64) -> Vec<Measured> {
-        // The closest strands of a sample are an upper bound of the smallest distance. The limit is
-        // a little larger, so that they are found again if no others are closer.
+        // The closest strands of a sample give an upper bound of the smallest distance. The limit
+        // is slightly larger, so that the same strands are found again if no others are closer.
         let sample: Vec<BlockPair> = pairs.iter().step_by(SAMPLE).copied().collect();
         let sample = self.measure_by(&sample, limit, false);
         let closest = sample.iter().filter_map(|m| m.closest);
         let closest = closest.map(|c| (c.ratio + c.error) * (1.0 + 1e-9));
-        // Strands at the limit are not found, so a limit of 0 would miss those that touch.
+        // The comparison with the limit is strict, so a limit of 0 would miss strands that touch.
         let limit = closest.fold(limit, f64::min).max(1e-9);
         let mut all = self.measure_by(pairs, limit, false);
         if self.set.basis().is_polyline() {
@@ -240,8 +242,8 @@ impl Strands<'_> {
         let mut order: Vec<usize> = measured.collect();
         order.sort_unstable_by(|&a, &b| all[a].bound.total_cmp(&all[b].bound).then(a.cmp(&b)));
         let (mut rest, mut best) = (&order[..], limit);
-        // In the order of their bounds, until the next bound is no smaller than the smallest
-        // distance. Each round measures as many pairs as all rounds before it.
+        // Pairs are measured in the order of their bounds, until the next bound is at least the
+        // smallest distance. Each round measures as many pairs as all earlier rounds together.
         while rest.first().is_some_and(|&k| all[k].bound < best) {
             let count = (order.len() - rest.len()).max(CLOSEST);
             let (now, later) = rest.split_at(count.min(rest.len()));
@@ -270,7 +272,8 @@ impl Strands<'_> {
         // Blocks that follow one another along a curve have many near blocks in common.
         let mut known = [const { None }; KNOWN];
         let mut out = Vec::with_capacity(pairs.len());
-        // The body of a closure would not be compiled to the instruction set of this function.
+        // A loop, because the body of a closure would not be compiled for the instruction set of
+        // this function.
         for pair in pairs {
             let [a, b] = pair.blocks;
             let one = match first.take() {
@@ -318,7 +321,8 @@ impl Strands<'_> {
         }
         let largest = |block: &Block| block.radii.iter().fold(0.0, |m: f64, &r| m.max(r));
         let spheres = largest(a) + largest(b);
-        // Lower bounds of the distances of all segments: of the spheres, or of the chords.
+        // Lower bounds of the distances of all pairs of segments, from their spheres or their
+        // chords.
         let mut least = f64::INFINITY;
         let mut bounds = [[f64::INFINITY; LANES]; LANES];
         for (k, squares) in squares.iter().enumerate().take(a.count) {
@@ -337,12 +341,13 @@ impl Strands<'_> {
                 }
             }
         }
-        // The bound of those whose spheres are beyond the limit.
+        // Bound of the pairs of segments whose spheres are beyond the limit.
         let beyond = (least.sqrt() - spheres).max(limit * radii) / radii;
         let (mut closest, mut bound) = (None::<CloseStrands>, beyond);
         let mut most = limit * radii;
-        // In the order of the bounds, until the next one is no smaller than the best distance.
-        // Without `precise`, the first one is enough: its bound is that of the whole pair.
+        // Compares segments in the order of the bounds, until the next bound is at least the
+        // smallest distance. Without `precise`, stops after the first pair, whose bound is that of
+        // the whole pair of blocks.
         loop {
             let all = bounds.as_flattened().iter().zip(0..);
             let (&least, at) = all.min_by(|a, b| a.0.total_cmp(b.0)).expect("64 bounds");
@@ -368,7 +373,7 @@ impl Strands<'_> {
         }
     }
 
-    /// Excludes pairs of segments of one curve that are near one another along it. `later` is the
+    /// Excludes pairs of segments that are near one another along the same curve. `later` is the
     /// number of periods from the first block to the second one.
     fn exclude(
         &self,
@@ -424,8 +429,8 @@ impl Strands<'_> {
         }
     }
 
-    /// Returns the closest points of two splines, on as many chords as needed, and the bound of the
-    /// error of their distance.
+    /// Returns the closest points of two splines, each divided into as many chords as its deviation
+    /// requires, and the error bound of their distance.
     #[inline(always)]
     fn closest_of_chords(
         &self,
@@ -447,7 +452,7 @@ impl Strands<'_> {
             std::array::from_fn::<Point, { CHORDS + 1 }, _>(point)
         });
         let error = a.deviations[k] / (m * m) as f64 + b.deviations[l] / (n * n) as f64;
-        // All chords of the second spline side by side.
+        // All chords of the second spline, in the lanes of one vector.
         let mut chords = [[Eight([0.0; LANES]); 3]; 2];
         for q in 0..CHORDS {
             for x in 0..3 {

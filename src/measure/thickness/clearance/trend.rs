@@ -1,4 +1,4 @@
-//! Trend of the clearance over the last frames.
+//! Trend of the clearance over the last frames, and the number of frames until strands touch.
 
 use std::collections::VecDeque;
 
@@ -8,7 +8,7 @@ const FRAMES: usize = 8;
 /// Minimum number of frames for a trend.
 const FEWEST: usize = 4;
 
-/// Largest number of frames that is predicted.
+/// Maximum number of frames until contact that is predicted.
 const FURTHEST: f64 = 1000.0;
 
 /// Numbers and clearances of the last frames.
@@ -18,15 +18,15 @@ pub(super) struct Trend {
 }
 
 impl Trend {
-    /// Adds the clearance of a frame. Returns the number of frames until it is 1, or, if it is less
-    /// already, 0, by the least-squares line through the last frames. `None` if it does not shrink
-    /// along that line.
+    /// Adds the clearance of a frame. Returns the predicted number of frames until the clearance is
+    /// 1, by the least-squares line through the last frames; 0 if it is less than 1 already. `None`
+    /// if the line does not decrease.
     pub fn frames_left(&mut self, seq: u64, ratio: Option<f64>) -> Option<f64> {
         let Some(ratio) = ratio else {
             self.frames.clear();
             return None;
         };
-        // A simulation that went back has another trend.
+        // After a rollback of the simulation, the earlier frames do not belong to the trend.
         if self.frames.back().is_some_and(|&(last, _)| last >= seq) {
             self.frames.clear();
         }
