@@ -1,4 +1,5 @@
-//! Sessions that begin with a frame, beside the state of the frames before it.
+//! First frames of a session or of a part of a run, verified by a new engine beside the current
+//! one.
 
 use super::Session;
 use crate::certificate::Certificate;
@@ -7,16 +8,16 @@ use crate::engine::{Engine, EngineState};
 use crate::error::{Error, Result};
 use crate::ingest::FrameInfo;
 
-/// Beginning of a session with a frame.
+/// How a session begins with a frame.
 #[derive(Clone, Copy)]
 pub(super) enum Begin<'a> {
-    /// The options have the baseline and the braids.
+    /// The first frame. The options have the baseline and the braids.
     First,
     /// The frame is its own baseline.
     Accepted,
     /// The frame begins a part of a run with this baseline.
     Part(&'a PartBaseline),
-    /// The frame follows those of another session.
+    /// The frame follows the last frame of another session.
     Resumed(&'a EngineState),
 }
 
@@ -24,7 +25,7 @@ pub(super) enum Begin<'a> {
 #[derive(Debug)]
 pub(super) struct PartBaseline {
     pub certificate: Certificate,
-    /// True if it names images as the frames do.
+    /// True if it numbers images as the frames do.
     pub names_images: bool,
 }
 
@@ -51,7 +52,8 @@ impl Begin<'_> {
     }
 }
 
-/// Returns the cell of a frame in the basis of that of the last one, in which findings name images.
+/// Returns the cell of a frame, expressed in the lattice basis of the cell of the last frame,
+/// because findings name images in that basis.
 ///
 /// # Errors
 ///

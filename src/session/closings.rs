@@ -1,5 +1,5 @@
-//! Decisions about which curves are closed: one for each layout of the curves. The first verified
-//! frame makes it.
+//! Decisions about which curves are closed: one for each layout of the curves, made by the first
+//! verified frame of the layout.
 
 use crate::ingest::{Closing, ClosingNote, Decisions};
 
@@ -41,7 +41,8 @@ impl Closings {
         }
     }
 
-    /// Tells the result of a frame. Returns the decisions that it made.
+    /// Keeps or discards the decisions of a frame, after it was verified or rejected. Returns those
+    /// kept.
     pub fn end_frame(&mut self, layout: u32, verified: bool) -> Vec<ClosingNote> {
         let mut new = std::mem::take(&mut self.new);
         let notes = new.take_notes();

@@ -1,5 +1,5 @@
-//! Positions at which the curves of a frame are verified: unwrapped, and followed if they jump by a
-//! lattice vector.
+//! Coordinates of curves in a periodic cell: unwrapped, and translated if curves jump by a lattice
+//! vector.
 
 use crate::curve::{Cell, CurveSet, Image, Precision};
 use crate::error::{Error, Result};
@@ -8,14 +8,14 @@ use crate::periodic::{Jumps, Unwrap};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Follows the curves of successive frames through the periodic cell.
+/// Makes the coordinates of successive frames continuous across the boundary of the periodic cell.
 #[derive(Debug, Default)]
 pub(super) struct Coordinates {
     /// State after the last verified frame.
     pub state: CoordinateState,
-    /// Unwrapping after the current frame.
+    /// State of the unwrapping after the current frame, until that frame is verified.
     unwrapped: Option<Unwrap>,
-    /// Last verified frame, where it was verified, and its cell.
+    /// Curves of the last verified frame with these coordinates, and its cell.
     pub last: Option<(Arc<CurveSet>, Option<Cell>)>,
 }
 
@@ -24,7 +24,7 @@ pub(super) struct Coordinates {
 pub(super) struct CoordinateState {
     unwrap: Unwrap,
     jumps: Jumps,
-    /// Number of jumps before this session began again.
+    /// Number of jumps before this session was restarted.
     earlier: u64,
 }
 
@@ -36,7 +36,7 @@ impl Coordinates {
         restarted
     }
 
-    /// Returns the curves that are followed at another image, with their translations.
+    /// Returns the curves that are translated to another image, with their translations.
     pub fn translated(&self) -> Vec<(u32, Image)> {
         self.state.jumps.translated()
     }
@@ -83,13 +83,13 @@ impl Coordinates {
         let last = self.last.as_ref().map(|(set, _)| set.precision());
         let set = placed.map_or_else(|| Arc::clone(given), Arc::new);
         match (last, set.precision()) {
-            // Curves that were followed have double precision.
+            // Once a curve was translated, frames have double precision.
             (Some(Precision::F64), Precision::F32) if cell.is_some() => set.widened().map(Arc::new),
             _ => Ok(set),
         }
     }
 
-    /// Continues from the current frame, where it was verified, with its cell.
+    /// Makes the current frame the last one. `placed` has the coordinates at which it was verified.
     pub fn commit(&mut self, placed: &Arc<CurveSet>, cell: Option<Cell>) {
         if let Some(unwrap) = self.unwrapped.take() {
             self.state.unwrap = unwrap;

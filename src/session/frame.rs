@@ -1,4 +1,4 @@
-//! Frames on their way through a session.
+//! Frames at the stages of a session: given, received, verified.
 
 use crate::curve::CurveSet;
 use crate::engine::Timings;

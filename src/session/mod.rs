@@ -71,18 +71,18 @@ pub struct Session {
     engine: Engine,
     closings: Closings,
     coordinates: Coordinates,
-    /// Curves of the last frames, which have this layout.
+    /// Pool of the curves of the last frames, and the layout of those frames.
     pool: (u32, FramePool),
     /// Information of the simulator about the last verified frame, with the cell in which findings
     /// name images.
     last: Option<FrameInfo>,
-    /// The curves of that frame as they were given, if the session did not resume after it.
+    /// Curves of that frame as they were given. `None` if the session resumed after that frame.
     given: Option<Arc<CurveSet>>,
     next: Next,
     strands: Strands,
-    /// Names of the curves that are gone since the first frame, or since one that was accepted, as
-    /// hashes: a simulation may replace curves for hours. A curve that is taken for another one
-    /// makes a frame undecided.
+    /// Hashes of the names of curves that disappeared since the first or the last accepted frame.
+    /// Names are not kept, because a simulation may replace curves for hours. If two names have the
+    /// same hash, a frame becomes undecided.
     gone: BTreeSet<u64>,
 }
 
@@ -92,15 +92,15 @@ fn hash(name: &String) -> u64 {
     hasher.finish()
 }
 
-/// Decision of the caller about how the next frame follows the last one.
+/// How the next frame follows the last one, if the caller decided it.
 #[derive(Debug, Default)]
 enum Next {
-    /// No decision: the [`FrameInfo`] of the frame says how.
+    /// Not decided by the caller: the [`FrameInfo`] of the frame decides.
     #[default]
     ByInfo,
     /// The next frame does not continue the last one.
     Cut,
-    /// The next frame is the first of a part of the run, with a baseline.
+    /// The next frame begins a part of the run, with a baseline.
     Part(PartBaseline),
     /// The next frame is the first of another run.
     Run,
@@ -154,15 +154,15 @@ impl Session {
     ) -> Received {
         let start = Instant::now();
         let source = self.source(&info);
-        // In another basis, the frame is compared again.
+        // If the cell of the frame has another lattice basis, the frame is compared again later.
         let last = self.last.as_ref().and_then(|last| last.cell);
         let cell = self.cell(&info);
         let cell = cell.map(|cell| last.map_or(cell, |last| cell.in_basis_of(&last)));
         if self.pool.0 != info.layout {
             self.pool = (info.layout, FramePool::default());
         }
-        // Before a frame with this layout is verified, nothing is decided, because this frame or an
-        // earlier one may be rejected.
+        // Only a verified frame decides which curves are closed, because this frame or an earlier
+        // one may be rejected.
         let (engine, mut closing) = (&mut self.engine, self.closings.known(info.layout));
         let is_closed = closing.is_some();
         let curves = self.pool.1.receive(|set| {
@@ -258,7 +258,8 @@ impl Session {
         self.begin_part_with(baseline, false);
     }
 
-    /// Same as [`Session::begin_part`], with a recorded baseline: it names images as the frames do.
+    /// Same as [`Session::begin_part`], for a recorded baseline, which numbers images as the frames
+    /// do.
     #[cfg(feature = "cli")]
     pub(crate) fn begin_recorded_part(&mut self, baseline: Certificate) {
         self.begin_part_with(baseline, true);
@@ -278,7 +279,7 @@ impl Session {
         self.next = Next::Run;
     }
 
-    /// Begins another run, in which other pull-throughs are searched for.
+    /// Begins another run, with another selection of pull-throughs.
     #[cfg(feature = "cli")]
     pub(crate) fn begin_run_with(&mut self, events: Events) {
         self.options.events = events;
@@ -302,7 +303,7 @@ impl Session {
         self.engine.braids()
     }
 
-    /// Shows the progress of this session through that of another one.
+    /// Shares the progress of another session, and its cancellation.
     #[cfg(feature = "cli")]
     pub(crate) fn share_progress(&mut self, progress: Arc<Progress>) {
         self.engine.share_progress(progress);
@@ -337,7 +338,7 @@ impl Session {
         self.engine.settle();
     }
 
-    /// Returns the properties of a frame that say how its curves are closed.
+    /// Returns what a frame says about how its curves are closed.
     fn source(&self, info: &FrameInfo) -> CurveSource {
         let wrapped = self.options.wrapped == Some(true);
         CurveSource {
@@ -353,13 +354,13 @@ impl Session {
         cell.filter(|_| !self.options.ignore_cell)
     }
 
-    /// Returns what the simulator told about the last verified frame, if the next one follows it.
+    /// Returns the information about the last verified frame, if the next one follows it.
     fn last(&self) -> Option<&FrameInfo> {
         let follows = !matches!(self.next, Next::Part(_) | Next::Run);
         self.last.as_ref().filter(|_| follows)
     }
 
-    /// Returns true if the engine that the session was created with fits its first frame.
+    /// Returns true if the engine can verify its first frame without being created again.
     fn fits_the_first_frame(&self, info: &FrameInfo) -> bool {
         self.last.is_none() && self.options.cell.is_some() == info.cell.is_some()
     }
@@ -374,8 +375,8 @@ impl Session {
         Ok(closing.of_set(&set, source)?.map_or(set, Arc::new))
     }
 
-    /// Returns for each curve of a frame if a curve of this name and number of points is open in
-    /// the last verified frame.
+    /// Returns true for each curve of a frame if a curve with the same name and number of points is
+    /// open in the last verified frame.
     fn curves_that_stay_open(&self, info: &FrameInfo, set: &CurveSet) -> Vec<bool> {
         let Some((last, (before, _))) = self.last().zip(self.coordinates.last.as_ref()) else {
             return Vec::new();
@@ -391,8 +392,8 @@ impl Session {
         origins.into_iter().zip(set.counts()).map(is_open).collect()
     }
 
-    /// Fails if the curves of a received frame are others than those of the last verified frame of
-    /// the same layout.
+    /// Returns an error if the curves of a received frame differ from those of the last verified
+    /// frame with the same layout number.
     fn check_layout(&self, info: &FrameInfo, set: &CurveSet) -> Result<()> {
         match (self.last(), &self.given) {
             (Some(last), Some(given)) if last.layout == info.layout => given.check_same_layout(set),
@@ -400,18 +401,18 @@ impl Session {
         }
     }
 
-    /// Fails if a curve of the first frame is open, but closed in the given baseline.
+    /// Returns an error if a curve of the first frame is open, but closed in the given baseline.
     fn check_closed(&self, set: &CurveSet) -> Result<()> {
         let baseline = self.options.baseline.as_ref();
         let baseline = baseline.filter(|baseline| baseline.curves == set.len());
-        // Loops of braids have numbers under the names of open curves.
+        // With braids, open curves have linking numbers, those of their loops.
         let baseline = baseline.filter(|_| self.options.braids.is_none());
         let is_open = |i: u32| !set.curve(i as usize).closed;
         let curve = baseline.and_then(|baseline| baseline.closed_curve_that(is_open));
         curve.map_or(Ok(()), |curve| Err(Error::OpenInFrame { curve }))
     }
 
-    /// Verifies valid curves. Returns the report, and the curves for outputs.
+    /// Verifies valid curves. Returns the report, and the curves that outputs show.
     fn try_to_verify(
         &mut self,
         info: &mut FrameInfo,
@@ -446,7 +447,8 @@ impl Session {
         }
         let change = last.map(|last| info.change_since(last)).transpose()?;
         info.cell = check_cell(info.cell, last.map(|last| last.cell))?;
-        // The same curves may be described again. In a cell, they are the same in all frames.
+        // A new layout may describe the same curves again. In a cell, all frames have the same
+        // curves.
         let before = self.coordinates.last.as_ref().map(|(before, _)| before);
         let have_same_size =
             || before.is_some_and(|before| before.check_same_layout(&given).is_ok());
@@ -481,7 +483,7 @@ impl Session {
             change: change.as_ref(),
             cut: cuts,
         })?;
-        // From here on, nothing can reject the frame.
+        // From here on, the frame cannot be rejected, so state is replaced.
         if let Some(begun) = begun {
             (self.engine, self.coordinates) = begun;
             self.strands = Strands::default();
@@ -501,16 +503,16 @@ impl Session {
         report.abort = self.engine.aborts(&report);
         self.last = Some(info.clone());
         self.given = Some(Arc::clone(&given));
-        // Curves that jumped are recorded as they were given, with their translations.
+        // Curves that jumped are recorded as given, and their translations separately.
         let unwrapped = self.options.wrapped == Some(true);
         Ok((report, if unwrapped { set } else { given }))
     }
 
-    /// Returns the reason to reject a frame.
+    /// Returns an error as the reason to reject a frame.
     ///
     /// # Errors
     ///
-    /// This one, if it concerns the process, or all frames of the same curves.
+    /// `why` itself, if it concerns the process, or all frames of the same curves.
     fn reason_to_reject(&self, why: Error) -> Result<Error> {
         match why {
             Error::Cancelled | Error::Forked { .. } | Error::Device { .. } => Err(why),

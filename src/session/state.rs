@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Version of the state. Another version cannot be read.
+/// Version of the format. A state of another version cannot be read.
 const VERSION: u32 = 6;
 
 /// State of a session after a verified frame: the frame, the baseline, and all else that later

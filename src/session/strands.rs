@@ -1,4 +1,4 @@
-//! Clearance of the strands, frame by frame.
+//! Clearance of the strands in each frame of a session.
 
 use crate::curve::CurveSet;
 use crate::engine::SessionOptions;
@@ -49,7 +49,7 @@ impl Strands {
         monitor.map_or_else(Vec::new, ClearanceMonitor::trend)
     }
 
-    /// The next frame does not continue the last one.
+    /// Forgets the previous frames, because the next one does not continue them.
     pub fn cut(&mut self) {
         if let Some(monitor) = &mut self.monitor {
             monitor.forget();
@@ -73,7 +73,7 @@ impl Strands {
         self.check(info.seq, measured)
     }
 
-    /// Takes note of a failure.
+    /// Records a failure, and logs a warning.
     fn check<T>(&mut self, seq: u64, measured: Result<T>) -> Option<T> {
         let noted = measured.inspect_err(|e| {
             tracing::warn!("clearance is not measured from frame {seq} on: {e}");
