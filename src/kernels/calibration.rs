@@ -1,10 +1,10 @@
 //! Measured cost of the kernels on an adapter and on the CPU, from which the faster one is chosen.
 //!
 //! A calibration belongs to an adapter, a driver and a number of threads. It is stored in a file in
-//! the user's cache folder. It is made on request only (`study devices`, in
-//! benches/study), never during verification. Without a calibration the CPU is chosen.
+//! the user's cache folder. It is measured only on request (`study devices`, in benches/study),
+//! never during verification. Without a calibration, the CPU is chosen.
 //!
-//! An entry of the file with a missing field is one of an older version, and is ignored. Fields
+//! An entry of the file that lacks a field was written by an older version, and is ignored. Fields
 //! that were renamed are read under both names.
 
 use super::device::DeviceInfo;
@@ -108,8 +108,8 @@ impl CountingCost {
 }
 
 impl Calibration {
-    /// Returns true if the calibration is of this adapter and driver, and of the current number of
-    /// threads.
+    /// Returns true if the calibration was made for this adapter and driver, and for the current
+    /// number of threads.
     pub fn is_of(&self, info: &DeviceInfo) -> bool {
         (&self.adapter, &self.backend, &self.driver) == (&info.name, &info.backend, &info.driver)
             && self.threads == rayon::current_num_threads()

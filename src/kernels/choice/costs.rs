@@ -14,7 +14,7 @@ pub(crate) const MS: f64 = 1e-6;
 
 /// Boxes of a segment of a polyline, with its share of the tree above.
 const POLYLINE_BOX: Nanoseconds = 1.4;
-/// Boxes of a segment of a spline, likewise.
+/// Boxes of a segment of a spline, with its share of the tree above.
 const SPLINE_BOX: Nanoseconds = 2.8;
 /// Tree of a curve of any length.
 const TREE: Nanoseconds = 60.0;
@@ -24,7 +24,7 @@ const SORTED: Nanoseconds = 40.0;
 const SWEEP_STEP: Nanoseconds = 2.0;
 /// A potential link that is found and sorted.
 const FOUND: Nanoseconds = 36.0;
-/// Overhead of a potential link in the kernel.
+/// Time for a potential link before its segments are visited.
 const LINK: Nanoseconds = 105.0;
 /// A node pair visited to choose the direction.
 const FRONT: Nanoseconds = 20.0;

@@ -1,10 +1,10 @@
 //! Potential links for which the fast multipole method is faster than counting.
 //!
-//! Sums pay for potential links of two long curves that cross each other very often in every view.
-//! The time of counting grows with the number of crossings, which may be as large as the product of
-//! the numbers of strands. The time of the fast multipole method grows with the number of segments.
-//! So it wins if thousands of strands pass thousands of others at a distance, as on two wound
-//! balls, and nowhere else.
+//! A sum is faster than counting only for two long curves that cross each other very often in every
+//! view. The time of counting grows with the number of crossings, which may be as large as the
+//! product of the numbers of strands. The time of the fast multipole method grows with the number
+//! of segments. So it is faster if thousands of strands pass thousands of others at a distance, as
+//! on two wound balls.
 
 use super::costs::{self, MS, Nanoseconds};
 use crate::kernels::crossings::{Input, sample};
@@ -17,7 +17,7 @@ pub(crate) fn with_sums(counting: Nanoseconds, long: &[LongLink]) -> Nanoseconds
     long.iter().fold(counting, sum)
 }
 
-/// A potential link for which a sum pays.
+/// A potential link that is predicted to be summed faster than counted.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LongLink {
     /// Index in the list of links.
@@ -31,7 +31,7 @@ pub(crate) struct LongLink {
 /// Minimum number of segments of two curves: below that, counting is fast however they cross.
 const LONG: u32 = 50_000;
 
-/// Time of counting, in milliseconds of one thread, below which no sum pays.
+/// Time of counting, in milliseconds of one thread, below which no sum is tried.
 const SHORT_MS: f64 = 500.0;
 
 /// Number of links below which they are not split among threads.

@@ -123,8 +123,8 @@ impl<'a> Predictions<'a> {
         }
     }
 
-    /// Returns true if an adapter takes longer for no tests at all than the CPU for all possible
-    /// tests on one thread.
+    /// Returns true if the adapter, without any test, is predicted to take longer than one CPU
+    /// thread with all possible tests.
     fn cannot_win(&self, calibration: &Calibration) -> bool {
         let cost = calibration.crossings;
         let tests = segment_pairs(self.input.set, self.links);

@@ -40,10 +40,10 @@ impl Sample {
     }
 }
 
-/// Returns a sorted sample of the numbers below `count`, with the factors that make its sum an
-/// estimate of the sum over all. It has all numbers if they are few. Otherwise [`SAMPLE`] of them
-/// are drawn at equal distances along a line on which each number takes the length `weight`
-/// (systematic sampling with probability proportional to size).
+/// Returns a sorted sample of the numbers below `count`, with factors so that the weighted sum over
+/// the sample estimates the sum over all. The sample has all numbers if there are at most
+/// [`SAMPLE`]. Otherwise [`SAMPLE`] of them are drawn at equal distances along a line on which each
+/// number takes the length `weight` (systematic sampling with probability proportional to size).
 fn draw(count: usize, weight: impl Fn(usize) -> u64) -> Vec<(usize, f64)> {
     if count <= SAMPLE {
         return (0..count).map(|k| (k, 1.0)).collect();

@@ -10,7 +10,7 @@ use crate::curve::{Box3, BoxGroup};
 use crate::pairs::{Agenda, BoxTree, CurveTree, Node};
 use crate::simd::{LANES, Lanes};
 
-/// Number of node pairs at which the pass stops and chooses.
+/// The breadth-first pass stops and chooses a direction once it has this many node pairs.
 const ENOUGH: usize = 192;
 
 /// Returns true if the direction of a pair is chosen by a formula on the bounding boxes, because
@@ -90,7 +90,7 @@ pub(super) fn choose<L: Lanes>(
         for (d, &count) in counts.iter().enumerate() {
             fewer &= !(u32::from(count != fewest) << d);
         }
-        // Node pairs need no filter if all directions are still alive.
+        // Unless a direction was dropped, every node pair still overlaps in one.
         if fewer != alive {
             alive = fewer;
             now.keep(alive);

@@ -1,5 +1,5 @@
-//! Evaluation of candidates: eight at a time in floating point; candidates that this does not
-//! decide one at a time, exactly.
+//! Evaluation of candidates: eight at a time in floating point. Candidates that this does not
+//! decide are evaluated one at a time, exactly.
 
 use super::gather::Task;
 use crate::curve::{Knots, Point, ReadKnots, bounds};

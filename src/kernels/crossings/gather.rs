@@ -10,10 +10,11 @@ use crate::pairs::{Query, SegmentPairs, descend, every_second};
 use crate::simd::{Lanes, dispatch_wide};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Number of candidates after which they are evaluated.
+/// Number of candidates that are gathered before they are evaluated.
 const BATCH: usize = 4096;
 
-/// Number of node pairs after which candidates are evaluated, however few.
+/// Number of node pairs that are visited before the candidates are evaluated, even if there are
+/// few.
 const STEPS: usize = 4096;
 
 /// Number of rounds after which a task splits its remaining work: some tenths of a millisecond.
@@ -24,8 +25,8 @@ pub(crate) fn shares_out(nodes: u64, candidates: u64) -> bool {
     nodes / STEPS as u64 + candidates / BATCH as u64 >= ROUNDS as u64
 }
 
-/// Number of candidates above which a pair of splines counts as too close. A tangle in which
-/// everything overlaps would exhaust the memory.
+/// Number of candidates above which a pair of splines counts as too close, because a tangle in
+/// which everything overlaps would exhaust the memory.
 const MAX_CANDIDATES: usize = 1 << 25;
 
 /// Candidates of a pair, upper curve first.
@@ -77,7 +78,7 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Returns true if the candidates exceed the limit. Some of them are lost then.
+    /// Returns true if the candidates exceed the limit. Some of them are then discarded.
     pub fn entangled(&self) -> bool {
         self.waiting.load(Ordering::Relaxed) > MAX_CANDIDATES
     }

@@ -23,7 +23,8 @@ use std::sync::{Arc, OnceLock};
 pub(super) type AdapterSum<'a> =
     Box<dyn Fn(&[Pair]) -> Result<Vec<Estimate>, gpu::Error> + Send + Sync + 'a>;
 
-/// Linking numbers, in parts, and the number of tests that the CPU decided.
+/// Linking numbers in parts, in the order of the pairs, and the number of tests that the CPU
+/// decided.
 pub(super) type Counts = (Vec<Counted>, u64);
 
 /// Crossing tests that ran on a GPU in the last frame.
@@ -45,8 +46,8 @@ pub(crate) struct GpuUse {
     failed: AtomicBool,
     /// The next frame, if it is known, so that its vertices can be uploaded in advance.
     announced: Option<Arc<CurveSet>>,
-    /// Vertices of the last two frames, of which the second one may be the next frame. With the
-    /// number of their contents ([`CurveSet::contents`]).
+    /// Vertices of the last two frames, the later one of which may be the next frame, each with the
+    /// identifier of its positions ([`CurveSet::contents`]).
     frames: VecDeque<(u64, Arc<Frame>)>,
     /// Work of the last frame.
     offload: Offload,
@@ -62,8 +63,8 @@ struct Chosen {
     requested: bool,
     /// Measured cost, if there is a calibration of the adapter.
     calibration: Option<Calibration>,
-    /// The adapter, opened when it is first used, because opening takes longer than many frames. A
-    /// requested one is open. Contains `None` if opening failed.
+    /// The adapter. An adapter that was not requested is opened at its first use, because opening
+    /// takes longer than many frames. Contains `None` if opening failed.
     gpu: OnceLock<Option<Arc<Gpu>>>,
 }
 
@@ -264,7 +265,7 @@ impl GpuUse {
         }
         let gpu = self.gpu()?.clone();
         let frame = self.frame(input.set);
-        // `take`: the announced frame is uploaded only once.
+        // `take`, because the announced frame must be uploaded only once.
         let next = self.announced.take();
         let counted = gpu.count(&frame, input, pairs, next.as_deref());
         let ((parts, undecided), ahead) = counted.inspect_err(|error| self.fail(error)).ok()?;
@@ -307,7 +308,7 @@ impl GpuUse {
         beta: Option<f64>,
         cpu: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
-        // With a beta the two were not compared, so no adapter is predicted to win.
+        // Calibrations do not measure kernels with a beta, so no adapter is predicted to be faster.
         let wins = |c: &Calibration| beta.is_none() && c.barnes_hut.wins(segments(set, pairs));
         match self.summing(wins) {
             Some(gpu) => Box::new(WithFallback::new(self, gpu.barnes_hut(set, beta), cpu)),

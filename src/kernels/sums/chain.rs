@@ -56,7 +56,7 @@ impl Chain {
         Chain::new(points.collect(), curve.closed)
     }
 
-    /// Makes a polyline of points whose coordinates are at most 1.
+    /// Creates a polyline from points whose coordinates are at most 1.
     pub fn new(mut points: Vec<Point>, closed: bool) -> Chain {
         points.dedup();
         while closed && points.len() > 1 && points.first() == points.last() {
@@ -94,7 +94,8 @@ impl Chain {
             let both = [self, other].map(|chain| (&chain.points[..], chain.closed));
             return between(both, tolerance);
         }
-        // Long rows are faster; the sum does not depend on the order of the curves.
+        // Long rows are faster. The order of the curves may be swapped, because it does not change
+        // the sum.
         let swap = self.segments() < other.segments();
         let (rows, columns) = if swap { (other, self) } else { (self, other) };
         let strips = [rows, columns].map(Chain::strip);

@@ -1,6 +1,6 @@
-//! Simultaneous descent in the trees of two curves, as [`super::barnes_hut`] and [`super::fmm`]
-//! make it. Node pairs that a kernel accepts are expanded, the remaining pairs of leaves are summed
-//! exactly, and all others are split.
+//! Simultaneous descent in the trees of two curves, for [`super::barnes_hut`] and [`super::fmm`].
+//! Node pairs that a kernel accepts are expanded, the remaining pairs of leaves are summed exactly,
+//! and all others are split.
 
 use super::Estimate;
 use super::barnes_hut::{Bounds, Node, OUTWARD};
@@ -50,14 +50,15 @@ impl Sum {
         self
     }
 
-    /// Adds the work of another pass.
+    /// Adds the work of another pass, but not its sum.
     pub fn spent(&mut self, other: &Sum) {
         self.expanded += other.expanded;
         self.summed += other.summed;
         self.visited += other.visited;
     }
 
-    /// Returns the bound without the remainders: the part that smaller remainders do not reduce.
+    /// Returns the error bound without the remainders: the part that does not decrease if
+    /// remainders do.
     pub fn estimate_of_rounding(&self) -> f64 {
         // Every sum has at most as many terms as there are node pairs; each addition has an error
         // of one unit.
@@ -93,7 +94,7 @@ pub(super) trait Descent: Sync {
     /// Returns the radius of a node of the first or second tree.
     fn radius(&self, side: usize, node: Node) -> f64;
 
-    /// Returns true if both trees are the same one: each pair of its nodes is visited once.
+    /// Returns true if both are the tree of one curve. Each pair of its nodes is then visited once.
     fn is_own(&self) -> bool {
         false
     }
@@ -101,8 +102,8 @@ pub(super) trait Descent: Sync {
     /// Sums all node pairs of the agenda.
     fn run(&self, agenda: Vec<NodePair>) -> Sum;
 
-    /// Replaces the larger node by its children. A node and itself are replaced by all pairs of its
-    /// children, each pair once.
+    /// Replaces the larger node of a pair by its children. A pair of a node and itself is replaced
+    /// by all pairs of its children, each once.
     #[inline(always)]
     fn open(&self, (t, u): NodePair, next: &mut Vec<NodePair>) {
         if self.is_own() && t.place == u.place {

@@ -16,7 +16,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// An estimate that says nothing.
+    /// Estimate of an unknown number: its bound is infinite.
     pub const UNKNOWN: Estimate = Estimate::new(0.0, f64::INFINITY);
 
     /// Returns the estimate of a number within `bound` of `value`.
@@ -72,7 +72,8 @@ impl fmt::Display for Estimate {
 /// Splines are converted to polylines first ([`crate::homotopic_polylines`]), with the same linking
 /// numbers. The order of summation does not depend on the number of threads.
 ///
-/// A kernel implements one of both methods: the second one if it is faster on all pairs together.
+/// A kernel implements one of the two methods: the second one if all pairs together take less time
+/// than one by one.
 pub(crate) trait Summation: Send + Sync {
     /// Returns the linking number of two different closed curves.
     fn linking_number(&self, pair: Pair) -> Estimate {

@@ -139,9 +139,9 @@ impl BarnesHut {
     }
 }
 
-/// Approximate maximum number of node pairs visited by all passes over a pair. No pass is started
-/// that is expected to exceed it. If the sum of all bounds is far above the error, because the
-/// contributions of many strands cancel, other kernels are faster.
+/// Approximate maximum number of node pairs visited by all passes over a pair. A pass that is
+/// expected to exceed it is not started. Other kernels are faster if the sum of all bounds is far
+/// above the error, because the contributions of many strands cancel.
 const LIMIT: f64 = (1u64 << 26) as f64;
 
 /// Maximum number of passes after the first one.
@@ -260,8 +260,8 @@ impl Walk<'_> {
         sum
     }
 
-    /// Returns the published estimate for a node pair. Its constant is not published, so this one
-    /// is that of the kernel.
+    /// Returns the published estimate for a node pair. Its constant is not published, so the factor
+    /// of the Gauss integral is used.
     fn published(&self, t: Node, u: Node) -> f64 {
         let [first, second] = self.trees;
         let (t, u) = (t.place as usize, u.place as usize);

@@ -89,9 +89,10 @@ impl Angles {
         self.count += 1;
     }
 
-    /// Adds the angles of all segment pairs of two ranges of two curves, whose limits are multiples
-    /// of [`LEAF`]. The segments are given by their start and end points. `skipped` returns which
-    /// pairs of a segment with [`LEAF`] others are left out, the first of which it is given.
+    /// Adds the angles of all pairs of a segment of range `i` of the first curve and one of range
+    /// `j` of the second one. The limits of `j` are multiples of [`LEAF`], as is the length of `i`.
+    /// The segments are given by their start and end points. `skipped(k, at)` returns which of the
+    /// pairs of segment `k` and the [`LEAF`] segments from `at` on are skipped.
     #[inline(always)]
     pub fn add_segments(
         &mut self,
@@ -120,7 +121,7 @@ impl Angles {
         }
     }
 
-    /// Adds the pairs of one segment with those of a leaf that are not skipped.
+    /// Adds the pairs of one segment and the segments of a leaf, except the skipped ones.
     #[inline(always)]
     fn add_row(
         &mut self,

@@ -13,8 +13,8 @@ const LEAVES: u32 = 4;
 /// Maximum number of segments of a packed leaf.
 pub(crate) const LEAF_SEGMENTS: u32 = LEAVES * LEAF as u32;
 
-/// Appends the nodes of a closed polyline, root first. Returns the number of levels. The
-/// coordinates are between -1 and 1, and the vertices begin with this number.
+/// Appends the nodes of a closed polyline to `out`, root first. Returns the number of levels. The
+/// coordinates are between -1 and 1. `first_vertex` is the index of the first uploaded vertex.
 pub(crate) fn pack(points: &[Point], first_vertex: u32, out: &mut Vec<Packed>) -> u32 {
     let tree = Tree::of(points);
     if tree.reach.is_empty() {
@@ -49,7 +49,7 @@ fn add(tree: &Tree, node: Node, vertices: Range<u32>, out: &mut Vec<Packed>) -> 
         leaf: u32::from(node.leaves <= LEAVES),
         ..Packed::default()
     };
-    // The rounded values that the shader multiplies by.
+    // Moments are divided by the rounded values, because the shader multiplies by these.
     let [by_length, by_radius] = [packed.length, packed.radius].map(|x| over(f64::from(x)));
     let moments = tree.moments[node.place as usize].0;
     for (k, (to, from)) in packed.moments.iter_mut().zip(moments).enumerate() {

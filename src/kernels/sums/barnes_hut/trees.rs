@@ -57,8 +57,8 @@ impl Node {
 /// Tree of a curve.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
-    /// Vertices, as an array for each axis: one more than all leaves together have segments. Copies
-    /// of the first one fill the end.
+    /// Vertices, as an array for each axis: one more than the leaves have segments. The end is
+    /// padded with copies of the first vertex.
     pub vertices: [Vec<f64>; 3],
     pub reach: Vec<Reach>,
     pub moments: Vec<Moments>,

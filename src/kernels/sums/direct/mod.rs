@@ -5,8 +5,8 @@
 //! Source: Arai 2013 for the term, Bertolazzi et al. 2019 and Qu & James 2021 (section 3.4.2 and
 //! algorithm 7) for the sum without arctangents, with these changes:
 //!
-//! * One argument for each pair instead of two, which is enough because the angle of a pair is
-//!   below half a turn.
+//! * One argument for each pair instead of two. One is enough, because the angle of a pair is below
+//! half a turn.
 //! * A bound of every term and of the sum ([`block`]).
 //! * Quarter turns are counted instead of half turns, so that no count is uncertain.
 //! * Columns are vectorized, instead of one running product.
@@ -14,7 +14,7 @@
 //! # Cost and limits
 //!
 //! Cost: quadratic for all curves. Every other kernel is faster on curves of many segments. This
-//! one is the reference for their timings, and their fallback for near pairs.
+//! kernel is the reference for their timings, and sums their near pairs.
 //!
 //! Undefined: curves that touch or nearly touch get an error bound of 1/2 or more.
 

@@ -9,7 +9,7 @@ use crate::pairs::Pair;
 /// Approximate maximum work, in microseconds of one core. A sum that needs more has a larger bound.
 const LIMIT: f64 = 6e7;
 
-/// Largest bound that still says something.
+/// Error bounds above this are not tried, because they would be of no use.
 const LARGEST: f64 = 10.0;
 
 /// Returns the Gauss integral of two polylines, at an accuracy of `budget` if possible. Both have a

@@ -49,10 +49,10 @@ pub(crate) enum Accept {
         expect(dead_code, reason = "used by tests that sweep the order")
     )]
     Separation(f64),
-    /// Accepts by the proven error bound, such that the bound of the sum is below this, and admits
-    /// only one integer.
+    /// Accepts by the proven error bound, so that the bound of the sum is below this, and only one
+    /// integer is within it.
     Bound(f64),
-    /// Same criterion as `Bound`, for sums that are no integers.
+    /// Same criterion as `Bound`, for sums that are not integers.
     Within(f64),
 }
 
@@ -88,7 +88,7 @@ pub(crate) struct Fmm {
     pub cancel: Option<Cancel>,
 }
 
-/// Orders, tried in this sequence.
+/// Orders that are tried, lowest first.
 const ORDERS: [usize; 5] = [4, 8, 12, 16, 20];
 
 impl Fmm {
@@ -117,7 +117,8 @@ impl Fmm {
         Some([tree(i)?, tree(j)?])
     }
 
-    /// Returns the order for a pair, or `None` if the leaf pairs are so few that no expansion pays.
+    /// Returns the first order to try for a pair. `None` if there are so few leaf pairs that a
+    /// direct sum is faster.
     fn order(&self, trees: [&Tree; 2]) -> Option<usize> {
         let [m, n] = trees.map(|t| t.root().leaves as usize);
         if m * n <= UNEXPANDED {
@@ -136,8 +137,8 @@ impl Fmm {
         Some(order.clamp(2, harmonics::MOST))
     }
 
-    /// Returns the criterion for which the remainder of a pair suffices, and the planned sum.
-    /// Returns `None` if its work exceeds the limit.
+    /// Returns the acceptance criterion with which the remainder of a pair is small enough, and the
+    /// planned sum. Returns `None` if its work exceeds the limit.
     fn plan(
         &self,
         trees: [&Tree; 2],
@@ -188,7 +189,7 @@ impl Fmm {
     }
 }
 
-/// Maximum number of dry runs that adjust the share of a node pair.
+/// Maximum number of dry runs that adapt the bound up to which a node pair is accepted.
 const TRIES: usize = 8;
 
 /// Maximum number of leaf pairs that are summed without expansions.
@@ -210,7 +211,7 @@ impl Summation for Fmm {
 }
 
 impl Fmm {
-    /// Returns true if a higher order is not needed, or of no use.
+    /// Returns true if a higher order is not needed, or cannot improve the sum.
     fn suffices(&self, sum: &Sum) -> bool {
         match self.options.accept {
             Accept::Separation(_) => true,
@@ -221,7 +222,8 @@ impl Fmm {
         }
     }
 
-    /// Sums the pairs of the lowest order. Returns the others, and those that need a higher order.
+    /// Sums the pairs of the lowest order. Returns the other pairs, and those that need a higher
+    /// order.
     fn stage(
         &self,
         pairs: &[Pair],
@@ -231,7 +233,7 @@ impl Fmm {
         let order = agenda.iter().map(|a| a.1).min().flatten();
         let (now, mut later): (Vec<_>, Vec<_>) = agenda.iter().partition(|a| a.1 == order);
         let used = curves_of(now.iter().map(|&(at, _)| pairs[at]));
-        // Upper bounds, known without moments, tell which nodes need moments.
+        // Dry runs with upper bounds of the moments find the nodes whose moments are needed.
         let outline = |(i, tree): (usize, &Option<Tree>)| {
             let is_used = used.binary_search(&(i as u32)).is_ok();
             let (tree, order) = (tree.as_ref().filter(|_| is_used)?, order?);
@@ -263,7 +265,7 @@ impl Fmm {
             }
         });
         let sum = |(&(at, _), first): (&(usize, _), Option<(Criterion, Sum)>)| {
-            // If most of the work is near field, a higher order increases it.
+            // If most of the work is in the near field, a higher order increases the work.
             let more = self.options.order.is_none() && order.is_some() && first.is_some();
             // The moments may be smaller than their upper bounds, so larger nodes may be accepted.
             let again = first.and_then(|(criterion, _)| plan(&expansions, at, Some(criterion)));

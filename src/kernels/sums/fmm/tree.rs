@@ -41,16 +41,16 @@ pub(super) struct Tree {
     /// The last leaf is padded with points.
     pub ends: [[Vec<f64>; 3]; 2],
     pub balls: Vec<Ball>,
-    /// Numbers of the segments along the curve; [`FILLER`] for the padding.
+    /// Indices of the segments along the curve; [`FILLER`] for the padding.
     pub numbers: Vec<u32>,
-    /// Number of the last segment if the first one is adjacent to it.
+    /// Index of the last segment, if it is adjacent to the first one.
     pub last: Option<u32>,
 }
 
-/// Number of a segment that only fills a leaf.
+/// Index of a segment that only pads a leaf.
 pub(super) const FILLER: u32 = u32::MAX;
 
-/// A segment during the construction of the leaves.
+/// A segment before the tree is built.
 #[derive(Clone, Copy, Debug, Default)]
 struct Segment {
     ends: [Point; 2],

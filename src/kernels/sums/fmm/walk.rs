@@ -38,8 +38,8 @@ pub(super) struct Walk<'a> {
     criterion: Criterion,
     /// Ends the walk early.
     cancel: Option<&'a Cancel>,
-    /// True if both trees are the same one: each pair of its segments is summed once, except for
-    /// adjacent ones, which lie in a plane and contribute nothing.
+    /// True if both are the tree of one curve. Each pair of its segments is then summed once,
+    /// except adjacent ones, which lie in a plane and contribute nothing.
     own: bool,
 }
 
