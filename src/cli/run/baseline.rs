@@ -9,18 +9,18 @@ use linkwatch::{
 };
 use std::sync::Arc;
 
-/// Origin of the expected linking numbers.
+/// Frame from which the expected linking numbers come.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Origin {
     words: String,
-    /// Frame with these numbers; `None` if they are those of a file.
+    /// Sequence number of that frame; `None` if the linking numbers come from a file.
     frame: Option<u64>,
-    /// Number of frames that were published before it, and that nobody verified.
+    /// Number of frames that were published before it, but verified by nobody.
     pub unverified: u64,
 }
 
 impl Origin {
-    /// Divides the record of a baseline.
+    /// Splits the record of a baseline into the linking numbers and their origin.
     pub fn of(record: BaselineRecord) -> (Certificate, Origin) {
         let origin = Origin {
             words: record.origin,
@@ -32,9 +32,9 @@ impl Origin {
 }
 
 impl Run {
-    /// Begins again: the next frame does not continue the last one, because the frames between them
-    /// are not in the recording. `baseline` replaces the expected linking numbers, unless the user
-    /// chose them.
+    /// Restarts the comparison: the next frame does not continue the last one, because the
+    /// recording lacks the frames between them. `baseline` replaces the expected linking numbers,
+    /// unless the user chose them.
     pub fn begin_again(&mut self, baseline: Option<BaselineRecord>) {
         match baseline {
             Some(b) => {
@@ -48,14 +48,14 @@ impl Run {
         self.begun = false;
     }
 
-    /// Begins again after frames that are not in the file, and counts the gap.
+    /// Same as [`Run::begin_again`] after a gap in the recording, which is counted.
     pub fn begin_after_gap(&mut self) {
         self.begin_again(None);
         self.sum.gaps += 1;
     }
 
-    /// Begins another run, with this search for pull-throughs: the next frame does not belong to
-    /// the motion of those before it.
+    /// Begins another run, with the given search for pull-throughs: the next frame does not
+    /// continue the motion of those before it.
     pub fn begin_run(&mut self, events: Events) {
         self.end_run();
         self.options.events = events;
@@ -79,12 +79,12 @@ impl Run {
             return;
         }
         let from_now = self.setup.from_now && !self.begun;
-        // Frames that were rejected are no reason: a watch that was there has seen them.
+        // Rejected frames do not count, because an earlier watch has received them.
         let missed = match (self.setup.live, self.begun) {
             (true, false) => self.tally.since(self.before).skipped.min(seq),
             (true, true) => seq.saturating_sub(info.baseline),
             (false, false) => 0,
-            // The recorder may have left out other frames.
+            // The recorder may have skipped frames for other reasons.
             (false, true) => seq.saturating_sub(info.baseline).min(self.rejected),
         };
         let begins_with_it = !self.begun && seq > 0 && seq == info.baseline;
@@ -116,7 +116,7 @@ impl Run {
         }
     }
 
-    /// Takes note of the first verified frame of a baseline, and says what is verified.
+    /// Records the first verified frame of a baseline, and prints what is verified.
     pub(super) fn begin_baseline(&mut self, judged: &Judged) {
         // The first frame after a gap continues the baseline.
         let begins = !self.begun && self.sum.gaps == 0 || self.baseline_changed;
@@ -132,7 +132,7 @@ impl Run {
         }
     }
 
-    /// Returns the baseline in words, once it is known.
+    /// Returns a text about the baseline, once it is known.
     pub(super) fn baseline_words(&self) -> Option<String> {
         let origin = self.origin.as_ref()?;
         let mut words = match origin.frame {
@@ -168,7 +168,8 @@ impl Run {
         changed || !report.adopted.is_empty() || report.defects.iter().any(is_fresh)
     }
 
-    /// Passes the baseline to the sinks, if it is known: before the first frame, and if it changes.
+    /// Passes the baseline to the sinks, if it is known: before the first frame, and after each
+    /// change.
     pub(super) fn pass_baseline(&mut self, judged: &Judged) {
         if self.begun && !self.changes_baseline(judged) {
             return;
@@ -196,7 +197,7 @@ impl Run {
     }
 }
 
-/// Returns the words for frames before the baseline, without what happened to them.
+/// Returns the start of a sentence about frames before the baseline.
 fn before_it(frames: u64) -> String {
     plural_of(frames, "frame before it was", "frames before it were")
 }
@@ -206,7 +207,7 @@ fn links(certificate: &Certificate) -> u64 {
     (certificate.links.len() + certificate.images.iter().flatten().count()) as u64
 }
 
-/// Returns what a frame has: its curves, their basis and precision, names, radii and the cell.
+/// Describes a frame: its curves, their basis and precision, names, radii and the cell.
 fn words_of_scene(curves: &CurveSet, info: &FrameInfo, certificate: &Certificate) -> String {
     let closed = curves.counts().filter(|&n| n < 0).count();
     let through = certificate.periods.len();

@@ -9,8 +9,8 @@ use crate::cli::output::{percent, plural};
 pub struct ClearanceLog {
     /// Number of frames that were measured.
     measured: u64,
-    /// Number of frames with a low clearance, and the first one: its number among the measured
-    /// ones, its sequence number and its words.
+    /// Number of frames with a low clearance; and the first of them: its number among the measured
+    /// frames, its sequence number, and a text about it.
     low: u64,
     first_low: Option<(u64, u64, String)>,
     /// The closest strands of all frames, and their frame.
@@ -22,8 +22,8 @@ pub struct ClearanceLog {
 }
 
 impl ClearanceLog {
-    /// Adds a frame. Returns a warning if its clearance is low, unless the last frames were as low.
-    /// `violated` is true if there was a violation so far.
+    /// Adds a frame. Returns a warning if its clearance is low, unless the last warning was about
+    /// nearly the same clearance. `violated` is true if a violation was found before.
     pub fn add(&mut self, report: &Report, names: &[String], violated: bool) -> Option<String> {
         let clearance = report.clearance.as_ref()?;
         self.measured += 1;
@@ -42,7 +42,7 @@ impl ClearanceLog {
         self.low += 1;
         let first = || (self.measured, report.seq, report.frame());
         self.first_low.get_or_insert_with(first);
-        // Again at half the clearance.
+        // Warns again only at half the clearance of the last warning.
         let is_known = |warned: f64| closest.ratio > 0.5 * warned;
         if self.warned.is_some_and(is_known) {
             return None;
@@ -52,14 +52,15 @@ impl ClearanceLog {
         Some(format!("{}: low clearance: {sentence}", report.frame()))
     }
 
-    /// Returns the number of frames by which the first low clearance came before the first
-    /// violation; 0 if it came later.
+    /// Returns the number of measured frames between the first low clearance and the first
+    /// violation; 0 if the clearance was low later.
     fn lead(&self) -> Option<u64> {
         let (first, ..) = self.first_low.as_ref()?;
         Some(self.before_violation?.saturating_sub(*first))
     }
 
-    /// Returns the summary in words, if a frame was measured. `low` is the level of the warning.
+    /// Returns the summary as text, if a frame was measured. `low` is the clearance below which
+    /// warnings are given.
     pub fn words(&self, low: f64) -> Option<String> {
         if self.measured == 0 {
             return None;
@@ -83,7 +84,7 @@ impl ClearanceLog {
         Some(text)
     }
 
-    /// Returns the summary, if a frame was measured.
+    /// Returns the summary as JSON, if a frame was measured.
     pub fn to_json(&self) -> Option<serde_json::Value> {
         (self.measured > 0).then(|| {
             serde_json::json!({

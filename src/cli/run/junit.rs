@@ -1,8 +1,9 @@
 //! The option `--junit`: verdicts as JUnit XML, for continuous integration.
 //!
 //! Every frame is a test case. A change is a failure; a frame that could not be verified is an
-//! error. Frames of a violation that was rolled back, or accepted by the simulator, are skipped. A
-//! last test case is an error if the run is incomplete, so that it never looks like a success.
+//! error. Frames of a violation that was rolled back, or accepted by the simulator, are skipped. If
+//! the run is incomplete, an additional test case is an error, so that the run does not look like a
+//! success.
 
 use crate::cli::files::{Content, Files, Overwrite, write_text};
 use linkwatch::{Report, Result, Verdict};
@@ -28,20 +29,20 @@ impl JunitArgs {
         };
         files.writes("--junit", [path], Content::Text)?;
         if path.is_file() {
-            // If this run fails early, no verdicts of an earlier run remain.
+            // If this run fails early, the file must not show the verdicts of an earlier run.
             std::fs::remove_file(path)?;
         }
         Ok(Some(Junit::new(path.clone(), title)))
     }
 }
 
-/// A report in the making.
+/// A report under construction.
 #[derive(Default)]
 pub struct Junit {
     path: PathBuf,
     title: String,
     cases: Vec<Case>,
-    /// First frame of the current violation. Nothing ends it in another run.
+    /// First frame of the current violation. A frame of another run does not end the violation.
     pub violation: Option<usize>,
 }
 
@@ -69,7 +70,7 @@ impl Junit {
         }
     }
 
-    /// Adds a frame. `names` are those of its curves, or empty; `model` is its file, if it has one.
+    /// Adds a frame. `names` has the names of its curves, or is empty; `model` is its file, if any.
     pub fn add(&mut self, report: &Report, names: &[String], model: Option<&str>, check: Duration) {
         if report.abort || report.verdict == Verdict::Changed {
             self.violation.get_or_insert(self.cases.len());
@@ -78,7 +79,7 @@ impl Junit {
             let findings = report.findings_named(names);
             let findings = findings.chain(report.missing.clone());
             let findings = findings.chain(report.rejected.clone());
-            // Models have names instead of the numbers in these words.
+            // Skipped for model files, because the advice names frames by number.
             let roll_back = report.roll_back().filter(|_| model.is_none());
             let lines: Vec<String> = findings.chain(roll_back).collect();
             Problem {

@@ -47,20 +47,21 @@ use std::time::{Duration, Instant, SystemTime};
 /// Name of the frames of a run in messages.
 const THE_FRAMES: &str = "the frames";
 
-/// Number of segments up to which every frame is verified quickly, regardless of its motion.
+/// Scenes of at most this many segments are verified quickly, whatever their motion.
 const SMALL: usize = 4096;
 
-/// Verification time from which the cost of passing a frame to another thread is negligible.
+/// If the verification takes at least this long, the cost of passing a frame to another thread is
+/// negligible.
 const MOMENT: Duration = Duration::from_millis(1);
 
 /// Time limit for all sinks together to finish at the end of the run.
 const FINISH: Duration = Duration::from_secs(30);
 
 /// Maximum wait for a blocked sink or standard output, if no simulator waits. After that, frames or
-/// lines are dropped and counted.
+/// lines are dropped, and their number is reported.
 pub const PATIENT: Overflow = Overflow::WaitForProgress(Duration::from_secs(60));
 
-/// Maximum total time that a sink or standard output may delay the verdicts for a simulator until
+/// Maximum total delay of the verdicts for a simulator by a blocked sink or standard output, until
 /// it has caught up.
 pub const PATIENCE: Duration = Duration::from_millis(500);
 
@@ -68,21 +69,21 @@ pub const PATIENCE: Duration = Duration::from_millis(500);
 #[derive(Default)]
 pub struct Setup {
     pub junit: JunitArgs,
-    /// True if every frame is verified in full, because successive ones have little in common.
+    /// True if every frame is verified in full, because consecutive frames have little in common.
     pub full: bool,
     /// See [`SessionOptions::early_exit`].
     pub early_exit: bool,
     /// True if frames are model files, which have names and cannot be skipped.
     pub models: bool,
-    /// True if frames are those of a simulator that runs.
+    /// True if the frames come from a running simulator.
     pub live: bool,
-    /// True if frames before the first one that is verified do not count as missing.
+    /// True if frames before the first verified one do not count as missing.
     pub from_now: bool,
     /// Baseline of a recorded run, unless the user chose another one.
     pub baseline: Option<BaselineRecord>,
-    /// Names the run in the viewer.
+    /// Title of the run in the viewer.
     pub title: String,
-    /// Metadata of the run, for a recording: what its frames come from.
+    /// Metadata of the run for a recording: the source of its frames.
     pub metadata: BTreeMap<String, String>,
     pub json: bool,
 }
@@ -128,17 +129,17 @@ pub struct Run {
     pub session: Session,
     options: SessionOptions,
     cell_args: CellArgs,
-    /// Its baseline is `None` here.
+    /// Properties of the command. The baseline was moved out of them.
     setup: Setup,
-    /// Output shown while the run lasts, and the label of all results.
+    /// Status line and results of the run, with the label of its session.
     pub live: Live,
     queues: Vec<SinkQueue>,
     metrics: Option<SessionMetrics>,
     junit: Option<Junit>,
     sinks: Sinks,
-    /// `None` until a frame was verified with the baseline.
+    /// Origin of the baseline. `None` until a frame was verified with the baseline.
     origin: Option<Origin>,
-    /// True if the sinks have an earlier baseline.
+    /// True if the baseline changed since it was passed to the sinks.
     baseline_changed: bool,
     /// True if the sinks have a baseline.
     begun: bool,
@@ -146,22 +147,22 @@ pub struct Run {
     sent_layout: u32,
     /// True until the first frame of a run was verified.
     is_new_run: bool,
-    /// Number of open curves of this run that are counted.
+    /// Number of open curves of this run that are already in the summary.
     open_curves: u64,
-    /// Steps of this run.
+    /// Counts of the steps of this run.
     steps: Steps,
-    /// True until the first verified frame after that of another process.
+    /// True if another process verified the previous frame.
     resumed: bool,
     /// Number of rejected frames after the last verified one.
     rejected: u64,
-    /// Start of the run, by the clock of the system, which may be set meanwhile, and by one that
-    /// nobody sets.
+    /// Start of the run, by the system clock, which may be adjusted during the run, and by a
+    /// monotonic clock.
     start: (SystemTime, Instant),
     /// Time that the last frame took to verify.
     last_check: Option<Duration>,
-    /// Frames so far. Those of a simulator are counted by the bus.
+    /// Numbers of frames so far. The bus counts those of a simulator.
     pub tally: Counters,
-    /// Frames that another process verified before this one. Its outputs have them.
+    /// Numbers of frames that another process verified before this one, and wrote to its outputs.
     before: Counters,
     news: News,
     pub sum: Summary,
@@ -226,14 +227,14 @@ impl Run {
         })
     }
 
-    /// Adds all figures of this run to these metrics.
+    /// Reports all figures of this run to these metrics, too.
     pub fn measured(mut self, metrics: &super::metrics::ServiceMetrics) -> Run {
         self.metrics = Some(metrics.session(self.options.events != Events::Off));
         self
     }
 
-    /// Returns true if verifying the frame likely takes so little time that passing it to another
-    /// thread does not pay: the frame is small, and the previous one was quick.
+    /// Returns true if verifying the frame is likely to take less time than passing it to another
+    /// thread: the frame is small, and the previous one was verified quickly.
     pub fn is_quick(&self, frame: &Received) -> bool {
         let quick = self.last_check.is_some_and(|check| check < MOMENT);
         frame.segments() <= SMALL && quick
@@ -244,8 +245,8 @@ impl Run {
         Outcome::undecided_if(self.incomplete).max(self.sum.violations.outcome())
     }
 
-    /// Returns the number of violations that were rolled back, if this frame ends the one for which
-    /// the simulator was asked to stop. Call this before [`Run::publish`].
+    /// If this frame ends a violation for which the simulator was asked to stop, returns the number
+    /// of violations that were rolled back. Call this before [`Run::publish`].
     pub fn recovered_by(&self, judged: &Judged) -> Option<u32> {
         let Judged { report, step, .. } = judged;
         let mut violations = self.sum.violations.clone();
@@ -275,7 +276,8 @@ impl Run {
             );
         }
         (self.sum.joined, self.sum.jumps) = (verified.joined, verified.jumps);
-        // Frames before a change of the curves may lack a clearance that later ones have.
+        // Keeps an earlier reason: clearance may be measured after the curves changed, but earlier
+        // frames lack it.
         self.sum.unmeasured = self.sum.unmeasured.take().or(verified.unmeasured);
         if verified.curves.is_some() {
             if verified.continuation == Continuation::Accepted {
@@ -378,14 +380,14 @@ impl Run {
         self.incomplete = true;
     }
 
-    /// Records that the run has no end, for this reason.
+    /// Records that the end of the run is missing, and why.
     pub fn cut_off(&mut self, why: &'static str) {
         self.cut = Some(why);
         self.data_lost();
     }
 
-    /// Counts the curves that this run did not verify, because no step was searched. Without
-    /// linking numbers, only a search for pull-throughs can verify curves.
+    /// Ends a run: counts the curves that it did not verify, because no step was searched. Curves
+    /// without linking numbers can be verified only by a search for pull-throughs.
     fn end_run(&mut self) {
         let through = self.session.baseline();
         let through = through.map_or(0, Certificate::periods_without_numbers) as u64;
@@ -423,7 +425,8 @@ impl Run {
             let (name, all) = (summary.name, summary.written + summary.dropped);
             let all = plural(all, "frame");
             match &summary.failed {
-                // The sink logged the reason when it failed. Its note tells how much it has.
+                // The sink logged the reason when it failed. Its note says which part of the output
+                // exists.
                 Some(_) if summary.note.is_some() => {
                     tracing::error!("{name} is incomplete");
                 }
@@ -462,10 +465,10 @@ impl Run {
         let curve = InvariantKind::Curve;
         let compares = |baseline: &Certificate| baseline.invariants().any(|kind| kind == curve);
         let baseline = options.baseline.as_ref();
-        // An open curve is no knot.
+        // The knot type of an open curve is not defined.
         let knots = !self.sum.only_open
             && (options.invariants.contains(&curve) || baseline.is_some_and(compares));
-        // The other process has seen the curves of its frames.
+        // The process that verified the earlier frames reported on their curves.
         let own = tally.since(self.before).verified;
         let unsearched = self.sum.unverified_curves();
         let alone = tally.verified == 1 && self.sum.only_open;
@@ -488,7 +491,7 @@ impl Run {
             self.data_lost();
         }
         self.live.clear();
-        // The verdict on a single model is its summary.
+        // For a single model, the verdict is already the summary.
         if !(self.setup.models && tally.verified + tally.rejected <= 1) {
             self.sum_up(&summaries, &kept);
         }

@@ -10,14 +10,14 @@ pub struct Violation {
     frame: u64,
     /// Simulation time of the frame, in seconds.
     time: f64,
-    /// The frame in words: its number and time, or its model file.
+    /// Text that names the frame: its number and time, or its model file.
     pub name: String,
     verdict: Verdict,
-    /// Curves of the finding; the same curve twice if it was pulled through itself.
+    /// Curves of the finding. A self-crossing has the same curve twice.
     curves: Vec<u32>,
     /// Place of the finding, in the units of the simulation.
     point: Option<Point>,
-    /// The finding in words.
+    /// Text about the finding.
     pub finding: Option<String>,
 }
 
@@ -27,7 +27,7 @@ pub struct New {
     pub sentences: Vec<String>,
     /// Number of findings that the previous frame had as well.
     pub known: usize,
-    /// True if the frame deserves a message: it has a new finding, or another verdict than the
+    /// True if the frame is to be printed: it has a new finding, or a verdict that differs from the
     /// previous one.
     pub notable: bool,
 }
@@ -41,8 +41,8 @@ pub struct News {
 }
 
 impl News {
-    /// Returns the news of a report, and records it. `names` are those of the curves, or empty.
-    /// `model` is the file of the frame, if it has one.
+    /// Returns the new findings of a report, and records all. `names` has the names of the curves,
+    /// or is empty. `model` is the file of the frame, if it has one.
     pub fn of(&mut self, report: &Report, names: &[String], model: Option<&str>) -> New {
         let novelty = self.known.update(report);
         let sentences = report.findings_named(names).zip(&novelty.new);
@@ -55,7 +55,7 @@ impl News {
                 || novelty.new.contains(&true),
         };
         if report.verdict != Verdict::Intact && self.first_violation.is_none() {
-            // The finding that the viewer and the report show first.
+            // The finding that the viewer and the report also show first.
             let first = report.passages_first().next();
             let curves = first.map(|finding| finding.pair());
             let curves = curves.map(|(i, j, _)| std::iter::once(i).chain(j).collect());

@@ -7,7 +7,7 @@ use crate::cli::output::{self, count, listed, millis, milliseconds, plural};
 use crate::curve::Notation;
 use linkwatch::{LeftOut, Report};
 
-/// Maximum number of sentences printed about one frame of a stream; the rest is counted.
+/// Maximum number of sentences printed about one frame of a stream; the others are only counted.
 const SENTENCES: usize = 8;
 
 /// Maximum number of sentences printed about a model file.

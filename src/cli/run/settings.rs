@@ -58,21 +58,21 @@ impl Judge {
         files
     }
 
-    /// Returns these options, with those of a recorded run where the user gives none.
+    /// Returns these options. Those that the user did not give are taken from a recorded run.
     pub fn or_recorded(&self, metadata: &BTreeMap<String, String>) -> Result<Judge> {
         let mut judge = self.clone();
         let abort_on = self.abort_on.or(recorded(metadata, "abort_on"));
         let abort_on = abort_on.unwrap_or_default();
         judge.abort_on = Some(abort_on);
         let given = &mut judge.event_args;
-        // Earlier versions recorded neither. Frames that were converted have a limit alone: no run
-        // was recorded.
+        // Earlier versions recorded neither. The frames of a converted file have only a motion
+        // limit, because they are not the record of a run.
         let converted = metadata.contains_key(MOTION_LIMIT);
         let events = given.events.or(recorded(metadata, "events"));
         given.events = events.or((!converted).then_some(Events::Off));
         given.motion_limit = given.motion_limit.or(Some(recorded_limit(metadata)));
         if given.events(abort_on) == Events::Off {
-            // A limit needs a search.
+            // A motion limit is of no use without a search for pull-throughs.
             given.motion_limit = None;
         }
         let invariants = &mut judge.event_args.invariants;
@@ -82,7 +82,7 @@ impl Judge {
         }
         judge.clearance_args = self.clearance_args.or_recorded(metadata);
         judge.braid_args = judge.braid_args.or_recorded(metadata)?;
-        // The curves of a recorded run were closed before they were recorded.
+        // A recorded run already closed its curves.
         judge.cell_args.keep_open |= metadata.contains_key("events");
         let wrapped = &mut judge.cell_args.wrapped;
         *wrapped = wrapped.or(recorded(metadata, WRAPPED));
@@ -188,7 +188,7 @@ fn recorded_limit(metadata: &BTreeMap<String, String>) -> f64 {
     recorded(metadata, MOTION_LIMIT).unwrap_or(f64::INFINITY)
 }
 
-/// Returns a setting of a recorded run. `None` if it has none, or one of another version.
+/// Returns a setting of a recorded run. `None` if it is missing, or was written by another version.
 pub fn recorded<T: FromStr>(metadata: &BTreeMap<String, String>, key: &str) -> Option<T> {
     metadata.get(key)?.parse().ok()
 }

@@ -10,7 +10,8 @@ use std::path::Path;
 /// Maximum number of frames that wait for a sink.
 pub(super) const WAITING: usize = 8;
 
-/// Number of points of the frames that may wait for a file in addition: about 50 MB.
+/// More than [`WAITING`] frames may wait for a file if they have at most this number of points:
+/// about 50 MB.
 pub(super) const WAITING_POINTS: usize = 1_000_000;
 
 /// Destinations of verified frames.
@@ -52,10 +53,10 @@ impl Sinks {
         files.writes("--show", shown, Content::Viewer)
     }
 
-    /// Returns the sinks of a later run, and their number: the next one for which no file exists
-    /// that may not be overwritten.
+    /// Returns the sinks of a later run, and the number in their names: the next number whose files
+    /// do not exist, or may be overwritten.
     ///
-    /// A later run does not wait for its viewer, because a simulator is there already.
+    /// A later run does not wait for its viewer to open, because a simulator is already running.
     pub fn numbered(&self, mut number: u64, files: &Files) -> (Sinks, u64) {
         loop {
             let (mut sinks, suffix) = (self.clone(), number.to_string());

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct RunState {
     pub session: SessionState,
-    /// `None` until a frame was verified with the baseline.
+    /// Origin of the baseline. `None` until a frame was verified with the baseline.
     origin: Option<Origin>,
 }
 
@@ -29,7 +29,7 @@ impl Run {
         }
     }
 
-    /// Begins after another process, which counted these frames.
+    /// Begins after the frames of another process, whose numbers are `before`.
     pub fn follow_on(&mut self, before: Counters) {
         self.before = before;
         self.data_lost();
@@ -46,8 +46,8 @@ impl Run {
         Ok(())
     }
 
-    /// Returns the result of a frame that the other process did not finish. It is not verified
-    /// again, because it may be the reason of the crash, and does not ask the simulator to stop.
+    /// Returns the result of a frame that the other process did not finish. The frame is not
+    /// verified again, because it may have caused the crash. It does not ask the simulator to stop.
     pub fn give_up(&self, seq: u64, time: f64, why: &str) -> Judged {
         let report = self.session.give_up((seq, time), why);
         Judged::of(report, FrameTimes::default(), Work::default())

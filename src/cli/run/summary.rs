@@ -17,8 +17,8 @@ impl Counters {
         self.skipped as f64 / all.max(1) as f64
     }
 
-    /// Returns the frames after other counts of the same session. A count that a simulator claimed
-    /// may be wrong, and smaller.
+    /// Returns the counts since `before`, of the same session. They do not become negative, because
+    /// the counts that a simulator sends may be wrong.
     pub(crate) fn since(self, before: Counters) -> Counters {
         Counters {
             verified: self.verified.saturating_sub(before.verified),
@@ -27,7 +27,7 @@ impl Counters {
         }
     }
 
-    /// Returns the counts in words. Model files cannot be skipped.
+    /// Returns a text for the counts. Model files cannot be skipped.
     pub(crate) fn words(self, models: bool) -> String {
         let mut parts = vec![format!("{} verified", plural(self.verified, "frame"))];
         match self.skipped {
@@ -50,39 +50,40 @@ pub struct Summary {
     pub unresolved: Unresolved,
     pub clearance: ClearanceLog,
     pub times: RunTimes,
-    /// Frames on the full, the quiet and the partial route.
+    /// Numbers of frames on the full, the quiet and the partial route.
     pub routes: [u64; 3],
-    /// Number of open curves of the frames of all runs, once a frame was verified.
+    /// Number of open curves in the frames of all runs; `None` before the first verified frame.
     pub open_curves: Option<u64>,
-    /// True if a frame has several curves, or images of one.
+    /// True if a frame has a pair to verify: several curves, or periodic images.
     pub has_pairs: bool,
-    /// True if the last frame has open curves alone.
+    /// True if all curves of the last frame are open.
     pub only_open: bool,
-    /// Numbers of curves that end where they start, and of jumps by a lattice vector.
+    /// Number of curves that are closed because they end where they start, and of jumps by a
+    /// lattice vector.
     pub joined: usize,
     pub jumps: u64,
     /// Elements of the files that were not read, over all frames.
     pub left_out: Vec<LeftOut>,
-    /// Reason why clearance is not measured, although the user asked for it.
+    /// Reason why clearance is not measured, although it is requested.
     pub unmeasured: Option<String>,
-    /// Number of gaps over which no step is searched: in a recording, or before a watch started.
+    /// Number of gaps in which no step is searched: in a recording, or before a watch started.
     pub gaps: u64,
-    /// Sums of [`Steps`].
+    /// Number of followed steps and of cuts, summed over all runs ([`Steps`]).
     pub followed: u64,
     pub cuts: u64,
-    /// Numbers of open curves of runs without a search for pull-throughs, and of those in which no
-    /// step was searched.
+    /// Number of open curves in runs without a search for pull-throughs, and in runs with a search
+    /// but without any step.
     pub unsearched: u64,
     pub unfollowed: u64,
-    /// True if curves that run through the cell have no linking number, and if no step of such a
-    /// run was searched.
+    /// True if a run had curves that run through the cell and have no linking number; true if no
+    /// step of such a run was searched.
     pub through: bool,
     pub unsearched_through: bool,
     /// Number of runs without a search for pull-throughs.
     pub unsearched_runs: u64,
-    /// Number of runs that began after the first one.
+    /// Number of runs after the first one.
     pub further_runs: u64,
-    /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
+    /// Comparison with the recorded verdicts, as text and as JSON, if this is a replay.
     pub comparison: Option<(String, serde_json::Value)>,
 }
 
@@ -100,13 +101,14 @@ impl Summary {
 pub struct Steps {
     /// Number of verified frames.
     pub verified: u64,
-    /// Numbers of steps that continue the motion, and of cuts.
+    /// Number of steps that continue the motion, and number of cuts.
     pub followed: u64,
     pub cuts: u64,
 }
 
 impl Steps {
-    /// Counts a verified frame. The first one of a run, or after a gap, has no step.
+    /// Counts a verified frame. No step leads to the first frame of a run, or to the first after a
+    /// gap.
     pub fn count(&mut self, has_step: bool, step: Continuation) {
         let is = |kind| u64::from(has_step && step == kind);
         self.verified += 1;
@@ -132,7 +134,7 @@ impl Run {
         let first = self.news.first_violation.as_ref();
         let checked = sum.unsearched_runs == 0;
         let (runs, yarns) = (1 + sum.further_runs, self.yarns());
-        // From one frame to the next of a run.
+        // True if steps were searched, and no curve remained unverified.
         let followed = sum.followed > 0 && sum.unsearched_runs < runs && !sum.unverified_curves();
         if self.setup.json {
             self.live.json(json!({
@@ -191,7 +193,7 @@ impl Run {
             let parts: Vec<&str> = parts.iter().flatten().map(String::as_str).collect();
             parts.join(separator)
         };
-        // In the order in which users ask, a line each.
+        // One line for each topic, in the order in which users ask for them.
         let with = match self.options.baseline {
             Some(_) => "the baseline",
             None => "its own first frame",
@@ -273,7 +275,7 @@ impl Run {
     }
 }
 
-/// Returns words for a verdict that skipped frames may contradict.
+/// Returns a restriction of the verdict if frames were skipped, which might contradict it.
 fn so_far(word: &str, tally: Counters) -> &'static str {
     match (word, tally) {
         ("changed", _) | (_, Counters { verified: 0, .. } | Counters { skipped: 0, .. }) => "",
@@ -281,7 +283,7 @@ fn so_far(word: &str, tally: Counters) -> &'static str {
     }
 }
 
-/// Returns how many times curves jumped, in words.
+/// Returns a text for the number of jumps of curves.
 pub fn jumped(count: u64) -> String {
     let times = plural(count, "time");
     format!("curves jumped by a lattice vector {times}")
@@ -306,8 +308,8 @@ impl Unresolved {
         self.lengths = lengths.fold(self.lengths, f64::max);
     }
 
-    /// Returns a sentence with their number, and the factor by which frames would have to be closer
-    /// together so that all of them are within the limit.
+    /// Returns a sentence with the number of unresolved pull-throughs, and the factor by which
+    /// frames would have to be closer together to resolve all of them.
     pub fn words(&self) -> String {
         let remedy = match self.limit {
             0.0 => "none is resolved".to_owned(),

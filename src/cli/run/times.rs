@@ -18,7 +18,7 @@ pub fn to_json(times: &FrameTimes, clearance: Option<Duration>) -> Value {
 const STAGES: [&str; 4] = ["wait", "ingest", "verification", "send"];
 
 impl FrameTimes {
-    /// Returns the times of the [`STAGES`]; `None` for those that only live frames have.
+    /// Returns the times of the [`STAGES`]; `None` for stages that only live frames have.
     fn by_stage(&self) -> [Option<Duration>; STAGES.len()] {
         let (wait, send) = self.live.map(|live| (live.wait, live.send)).unzip();
         [wait, Some(self.ingest), Some(self.verification), send]
@@ -32,7 +32,7 @@ pub struct RunTimes {
     stages: [Durations; STAGES.len()],
     /// Sum of the intervals between live frames.
     intervals: Duration,
-    /// Part of the intervals that linkwatch needed until the verdict was sent.
+    /// Part of these intervals from the receipt of a frame until its verdict was sent.
     busy: Duration,
 }
 
@@ -48,8 +48,8 @@ impl RunTimes {
         }
     }
 
-    /// Returns the share of the time between frames that passed until the verdict was sent, if the
-    /// frames were live.
+    /// Returns the share of the time between live frames during which a verdict was pending. `None`
+    /// if no frames were live.
     fn share(&self) -> Option<f64> {
         (!self.intervals.is_zero()).then(|| self.busy.as_secs_f64() / self.intervals.as_secs_f64())
     }
@@ -69,7 +69,7 @@ impl RunTimes {
         })
     }
 
-    /// Returns the times in words, if the frames were live.
+    /// Returns a text for the times, if the frames were live.
     pub fn words(&self) -> Option<String> {
         let share = percent(self.share()?);
         let stages = STAGES.iter().zip(&self.stages).map(|(name, d)| {
@@ -84,7 +84,8 @@ impl RunTimes {
     }
 }
 
-/// Histogram of durations in buckets of 5 %, because a run may last for days.
+/// Histogram of durations in buckets of 5 %, whose memory does not grow, because a run may last for
+/// days.
 #[derive(Default)]
 pub struct Durations {
     buckets: BTreeMap<i32, u64>,
@@ -101,8 +102,7 @@ impl Durations {
         self.longest = self.longest.max(d);
     }
 
-    /// Returns the duration that the share `q` of all durations does not exceed, with the precision
-    /// of a bucket.
+    /// Returns the `q` quantile, with the precision of a bucket.
     fn quantile(&self, q: f64) -> Duration {
         let below = q * self.buckets.values().sum::<u64>() as f64;
         let mut seen = 0;
@@ -120,7 +120,7 @@ impl Durations {
         self.quantile(0.5)
     }
 
-    /// Returns median and maximum in words.
+    /// Returns a text for the median and the maximum.
     pub fn words(&self) -> String {
         let [median, longest] = [self.median(), self.longest].map(millis);
         format!("a check took {median} (median), {longest} at most")

@@ -15,7 +15,7 @@ use std::path::Path;
 #[cfg(feature = "rerun")]
 use std::time::Duration;
 
-/// Time limit for a viewer of a live simulation to open before the run begins. After that it opens
+/// Time limit for a viewer to open before the run of a live simulation begins. After that, it opens
 /// in the background.
 #[cfg(feature = "rerun")]
 const OPEN: Duration = Duration::from_secs(10);
@@ -30,12 +30,12 @@ pub struct Show {
     target: Target,
     /// Curves are shown of every n-th frame.
     every: NonZeroU64,
-    /// True if the run does not wait until the viewer is open, and continues without it if it
-    /// fails.
+    /// True if the run does not wait until the viewer is open, and continues if it cannot be
+    /// opened.
     later: bool,
 }
 
-/// Parses where frames are shown, and the settings behind it.
+/// Parses the target of `--show` and the settings that follow it.
 pub fn show(text: &str) -> Result<Show, String> {
     let (what, settings) = split(text, &["every"])?;
     let target = target(what)?;
@@ -47,7 +47,7 @@ pub fn show(text: &str) -> Result<Show, String> {
     })
 }
 
-/// A build without a viewer says how to get one.
+/// Without the feature, explains how to get a viewer.
 #[cfg(not(feature = "rerun"))]
 fn target(what: &str) -> Result<Target, String> {
     Err(format!(
@@ -81,8 +81,8 @@ impl Show {
         }
     }
 
-    /// Returns the same for a later run: with a suffix in the name of the file, and without a wait
-    /// for its viewer.
+    /// Returns the viewer of a later run: with a suffix in the name of the file, and without
+    /// waiting until it is open.
     pub fn later(mut self, suffix: &str) -> Show {
         #[cfg(feature = "rerun")]
         if let Target::File(path) = &mut self.target {
@@ -138,7 +138,7 @@ impl Show {
         let (overflow, limit) = of_viewer(overflow);
         let queue = SinkQueue::spawn("viewer", WAITING, overflow, open)?;
         if !self.later {
-            // If the viewer cannot be reached, the command fails at once, not at its first frame.
+            // Opened here, so that the command fails immediately if the viewer cannot be reached.
             queue.open(limit).map_err(|e| {
                 let others = match self.target {
                     Target::Spawn => ", and --show web shows the frames in a browser",
@@ -152,11 +152,11 @@ impl Show {
     }
 }
 
-/// Returns the policy of a viewer if it is slower than the frames, and the time limit for it to
-/// open, from the policy of a file.
+/// Returns what happens if a viewer is slower than the frames, and the time limit for opening it.
+/// `overflow` is the policy for files.
 ///
-/// No simulator waits for a replay, so that its viewer gets all frames. A file must be complete,
-/// because a gap would mislead, but the viewer of a live simulation may miss a frame.
+/// In a replay, no simulator waits, so the viewer gets all frames. A file must be complete, because
+/// a gap would mislead. A viewer of a live simulation may miss frames.
 #[cfg(feature = "rerun")]
 fn of_viewer(overflow: Overflow) -> (Overflow, Duration) {
     match overflow {

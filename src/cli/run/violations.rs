@@ -1,10 +1,10 @@
-//! Violations of a run, and what became of them: a violation that the simulator rolled back before
-//! it went on does not count for the result of the run.
+//! Violations of a run, and how they ended. A violation that the simulator rolled back before it
+//! continued does not affect the result of the run.
 
 use crate::cli::Outcome;
 use linkwatch::{Continuation, Report, Verdict};
 
-/// Returns what became of the violation that a frame with this continuation ends.
+/// Returns how a violation ended, if a frame with this continuation ends it.
 pub fn words(step: Continuation) -> &'static str {
     match step {
         Continuation::Accepted => "accepted: the simulator goes on with the changed topology",
@@ -12,15 +12,15 @@ pub fn words(step: Continuation) -> &'static str {
     }
 }
 
-/// A violation: the frames from a change, or from another finding that asks the simulator to stop,
-/// until an intact frame after a cut.
+/// A violation: the frames from the first one with a change, or with another finding that asks the
+/// simulator to stop, until an intact frame after a cut.
 #[derive(Clone)]
 struct Violation {
     worst: Outcome,
-    /// Number of violations: more than one if the simulator rolled back to a state that was not
+    /// Number of violations. More than one if the simulator rolled back to a frame that was not
     /// intact either.
     count: u32,
-    /// True if a cut came after the last frame with a finding.
+    /// True if the simulator cut the motion after the last frame with a finding.
     cut: bool,
 }
 
@@ -30,7 +30,7 @@ pub struct Violations {
     current: Option<Violation>,
     /// Worst outcome of the frames that belong to no violation.
     others: Outcome,
-    /// Numbers of violations that were rolled back, and that the simulator accepted.
+    /// Number of violations that were rolled back, and number that the simulator accepted.
     pub recovered: u32,
     pub accepted: u32,
 }
@@ -60,7 +60,8 @@ impl Violations {
             }
             Some(violation) => {
                 violation.cut |= step != Continuation::Continues;
-                // A frame after a cut belongs to the new motion, which was not rolled back.
+                // A frame after a cut belongs to the new motion, which was not rolled back, so it
+                // counts.
                 match violation.cut || violation.worst == Outcome::Fine {
                     true => self.others = self.others.max(outcome),
                     false => violation.worst = violation.worst.max(outcome),
@@ -78,7 +79,7 @@ impl Violations {
         ended.is_some()
     }
 
-    /// Begins another run, in which nothing ends a violation of the one before.
+    /// Begins another run. A violation of the previous run can then no longer end.
     pub fn begin_run(&mut self) {
         self.others = self.outcome();
         self.current = None;
