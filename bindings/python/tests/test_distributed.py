@@ -67,7 +67,7 @@ def test_the_run_of_many_workers_is_that_of_one(seed):
 
 
 def test_an_open_curve_after_a_rejected_frame_is_rejected():
-    """Regression test: a chunk that begins with it was an error."""
+    """Regression test: a chunk that began with the open curve raised an error."""
     both, nothing = np.concatenate(linked()), np.full((8, 3), np.nan)
     given = [(nothing, [-4, -4]), (both, [-4, -4]), (both[:4], [4]), (both, [-4, -4])]
     frames = [Frame(*one, seq=k) for k, one in enumerate(given)]
@@ -173,7 +173,7 @@ def test_a_lost_worker_of_dask_costs_its_chunk_only(tmp_path):
 
 
 def test_other_curves_without_names_are_rejected_in_every_chunk():
-    """Regression test: a session that went on from a state took them for the same."""
+    """Regression test: a resumed session took other curves for the same ones."""
     rings = chain(3, points=8)
     frames = [rings] * 6 + [[rings[0], rings[1][:7], rings[2]]] * 6
     alone = tables(linkwatch.check(frames, events="off"))

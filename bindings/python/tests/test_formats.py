@@ -346,7 +346,7 @@ def test_the_command_reads_files_of_the_package(tmp_path):
 
 
 def test_files_of_the_package_have_the_general_options(tmp_path):
-    """Regression test: they were errors."""
+    """Regression test: general options raised errors for these files."""
     paths = [written(tmp_path, f"-{k}.ply", ply()) for k in range(2)]
     for words in (["--json", "check"], ["check", "--json"], ["-q", "--threads", "1", "check"]):
         code, out, err = run(*words, *paths)
@@ -361,7 +361,7 @@ def test_files_of_the_package_have_the_general_options(tmp_path):
     assert code == 0 and len(linkwatch.read(archive)) == 1, err
     code, out, err = run("convert", *paths, archive, "--frame=2", "--force")
     assert code == 2 and "no frame 2" in err, err
-    # Regression test: all frames were written.
+    # Regression test: the abbreviated option was ignored, and all frames were written.
     code, out, err = run("convert", *paths, archive, "--fram", "1", "--force")
     assert code == 2 and "--fram" in err, (code, err)
     words = [str(COMMAND), "check", "--", *(path.name for path in paths)]
@@ -414,7 +414,7 @@ def test_parts_and_blocks_of_paraview_are_read_together(tmp_path):
         frames = linkwatch.read(written(tmp_path, name, text))
         assert [frame.counts for frame in frames] == [[-12] * 4]
     assert "cut there" in str(linkwatch.read(tmp_path / "a.pvtp").summary)
-    # Regression test: a file that names itself was a RecursionError.
+    # Regression test: a file that includes itself raised a RecursionError.
     around = parts.replace("b.vtp", "a.vtm")
     written(tmp_path, "a.pvtp", f'<VTKFile type="PPolyData">{around}</VTKFile>')
     for name in ("a.pvtp", "a.vtm"):
@@ -438,7 +438,7 @@ def test_compressed_files_are_unpacked(tmp_path, suffix):
         assert [frame.counts for frame in again] == [[-12, -12]]
         del frames, frame
         assert not (folder / name).exists()
-    # Regression test: files of the same name were an error.
+    # Regression test: two files of the same name in different folders were an error.
     (tmp_path / "b").mkdir()
     other = tmp_path / "b" / path.name
     other.write_bytes(path.read_bytes())
@@ -466,7 +466,7 @@ def test_a_closed_curve_that_was_cut_is_an_invalid_frame(tmp_path):
 
 
 def test_only_the_suffix_or_the_contents_of_coils_tell_the_format(tmp_path):
-    """Regression test: a name that begins with `coils.` was that of a MAKEGRID file always."""
+    """Regression test: every name that begins with `coils.` was read as a MAKEGRID file."""
     path = written(tmp_path, "coils.inp", coils())
     assert linkwatch.read(path).summary.curves == 2
     for name, content in (("coils.obj", TEXT["a.obj"]), ("coils.vtk", vtk())):
@@ -509,7 +509,7 @@ def test_curves_that_are_not_read_are_counted(tmp_path):
 
 
 def test_lines_that_share_an_end_are_joined(tmp_path):
-    """Regression test: `vtkStripper` divides long rings, and the parts were open curves."""
+    """Regression test: `vtkStripper` splits long rings, and the parts were read as open curves."""
     lines = []
     for k in range(2):
         lines += [(*range(12 * k, 12 * k + 7),), (12 * k, *range(12 * k + 11, 12 * k + 6, -1))]
@@ -534,7 +534,7 @@ def test_lines_that_share_an_end_are_joined(tmp_path):
 
 
 def test_edges_that_share_no_point_are_joined_beside_others(tmp_path):
-    """Regression test: equal coordinates joined edges only if no two edges shared a point."""
+    """Regression test: edges were joined by equal coordinates only if no two shared a point."""
     points = np.vstack([POINTS[:12], *(POINTS[[a, b]] for a, b in EDGES[12:])])
     edges = [*EDGES[:12], *((12 + 2 * k, 13 + 2 * k) for k in range(12))]
     text = vtk(lines=edges).replace("POINTS 24", f"POINTS {len(points)}")
@@ -554,7 +554,7 @@ def test_texts_and_metadata_in_fields_of_vtk_files_are_skipped(tmp_path, binary)
 
 
 def test_what_the_command_leaves_out_of_an_obj_is_left_out(tmp_path):
-    """Regression test: half a ring was read as a whole one, and other statements were ignored."""
+    """Regression test: half a ring was read as a whole one, without any message."""
     vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS)
     ring = " ".join(str(k + 1) for k in [*range(12), 0])
     knots = " ".join(map(str, [0, *range(13), 12]))
@@ -572,7 +572,7 @@ def test_what_the_command_leaves_out_of_an_obj_is_left_out(tmp_path):
 
 
 def test_compressed_files_take_the_options_of_plain_ones(tmp_path):
-    """Regression test: the reader of the plain file did not get them, nor the file beside it."""
+    """Regression test: options and companion files did not reach the reader of the plain file."""
     text = "".join(f"{x},{y},{z}\n" for x, y, z in POINTS)
     path = tmp_path / "a.csv.gz"
     path.write_bytes(gzip.compress(text.encode()))
@@ -648,10 +648,10 @@ def test_edges_that_share_no_point_are_joined_by_their_places(tmp_path):
         ("coils.a", coils().replace("end\n", ""), "the file ends without a line `end`"),
         ("coils.a", coils().replace(" 0.0 1 lower", " 1.0"), "the file ends before a line with"),
         ("coils.a", coils().replace("1 0 0 100.0", "1 0 O 100.0"), "line 4: expected 4 numbers"),
-        # Regression tests: the first point, and the second block, were missing in silence.
+        # Regression tests: the first point, or the second block, was dropped without a message.
         ("coils.a", coils().replace("mirror NIL\n", ""), "line 3: a point in the header"),
         ("coils.a", coils() + coils(), "line 31: text after `end`: keep one block"),
-        # Regression test: the second point of a number replaced the first one in silence.
+        # Regression test: of two points with one number, the first was dropped without a message.
         ("a.poly", poly().replace("3: ", "2: ", 1), "line 4: a second point with the number 2"),
         ("a.poly", poly().replace("END", ""), "the file ends without a line END"),
         (
@@ -774,7 +774,7 @@ def nastran(element="CROD,{k},1,{a},{b}", end="ENDDATA\n"):
 @pytest.mark.parametrize(
     "name, content, words",
     [
-        # Regression tests: points were those of another part, or in another system.
+        # Regression tests: points of another part, or in another coordinate system, were read.
         ("a.inp", abaqus((RING, 1), (OTHER, 1)), r"line 29: \*Node is not read: write a flat file"),
         ("a.inp", abaqus((RING, 1), (OTHER, 13)), r"line 29: \*Node is not read"),
         ("a.inp", abaqus((RING, 1), end="*Instance, name=A, part=B\n"), r"\*Instance, .* not read"),
@@ -783,10 +783,10 @@ def nastran(element="CROD,{k},1,{a},{b}", end="ENDDATA\n"):
         ("a.bdf", nastran().replace("GRID,3,,", "GRID,3,8,"), "GRID,3,8,.* is not read: write one"),
         ("a.bdf", nastran().replace("CROD,1,", "GRDSET,,8\nCROD,1,"), "GRDSET,,8 is not read"),
         ("a.bdf", nastran(end="INCLUDE 'b.bdf'\nENDDATA\n"), "INCLUDE 'b.bdf' is not read"),
-        # Regression test: meshio did not end.
+        # Regression test: meshio looped forever.
         ("a.bdf", "SOL 101\nCEND\nBEGIN BULK", "no cards after BEGIN BULK"),
         ("a.bdf", "SOL 101\nCEND\nBEGIN BULK\n$ comment\n", "no cards after BEGIN BULK"),
-        # Regression tests: errors of meshio had other types, and its reason was `1`.
+        # Regression tests: errors of meshio were raised as other types, with the text `1`.
         ("a.inp", abaqus((RING, 1)).replace("1, 1, 2", "1, 1, 77"), "this mesh: KeyError: .*77"),
         ("a.inp", abaqus((RING, 1)).replace("B31", "B99"), "Element type not available: B99"),
         ("a.bdf", nastran(end=""), "this mesh: Premature EOF"),
@@ -802,7 +802,7 @@ def test_a_mesh_that_meshio_cannot_read_is_refused(tmp_path, name, content, word
 
 
 def test_a_file_that_cannot_be_read_has_no_verdict(tmp_path):
-    # Regression test: an exception ended with the exit code of a changed topology.
+    # Regression test: an exception gave the exit code that means a changed topology.
     needs("meshio")
     path = written(tmp_path, "a.inp", abaqus((RING, 1)).replace("1, 1, 2", "1, 1, 77"))
     for words in (["check"], ["certify"], ["measure", "writhe"]):
@@ -929,7 +929,7 @@ def exploded(curves):
 
 
 def test_edges_with_points_of_their_own_are_the_same_curves_in_all_frames(tmp_path):
-    # Regression test: the order and the direction of the curves followed their coordinates.
+    # Regression test: the coordinates decided the order and the direction of the curves.
     files = []
     for k in range(12):
         c, s = np.cos(0.5 * k), np.sin(0.5 * k)
@@ -974,12 +974,12 @@ def test_files_keep_their_order_on_request(tmp_path):
 
 
 def test_files_of_the_package_are_not_mixed_with_others(tmp_path):
-    """Regression test: the others came first, in whatever order they were given."""
+    """Regression test: files that only the command reads always came first."""
     path = written(tmp_path, "a.ply", ply())
     other = written(tmp_path, "a.obj", TEXT["a.obj"])
     code, out, err = run("check", path, other, "--one-motion", "--keep-order")
     assert (code, out) == (2, "") and "but the command reads" in err and "a.obj: convert" in err
-    # Regression test: counts joined the two rings, which the file tells apart.
+    # Regression test: the option joined two rings that are separate in the file.
     for option in ("--counts=-24", "--counts"):
         code, out, err = run("check", path, path, option, *["-24"] * (option == "--counts"))
         assert (code, out) == (2, "") and "--counts is no option for" in err, (out, err)
@@ -992,7 +992,7 @@ def test_files_of_the_package_are_not_mixed_with_others(tmp_path):
 def test_files_whose_names_differ_by_more_than_numbers_have_the_order_that_is_given(
     tmp_path, names
 ):
-    # Regression test: they were sorted by their names.
+    # Regression test: such files were sorted by their names.
     paths = [tmp_path / f"{name}.vtk" for name in names]
     for k, path in enumerate(paths):
         path.parent.mkdir(exist_ok=True)
@@ -1003,7 +1003,7 @@ def test_files_whose_names_differ_by_more_than_numbers_have_the_order_that_is_gi
 
 
 def test_the_command_checks_all_frames_if_curves_change(tmp_path):
-    # Regression test: only the frames before the change were checked, and said to be intact.
+    # Regression test: only the frames before the change were checked, and the run was intact.
     for k in range(6):
         curves = [RING, OTHER + [0.5 * k, 0, 0], OTHER + [9, 0, 0]][: 2 + (k > 1)]
         (tmp_path / f"{k}.vtk").write_text(exploded(curves))
@@ -1011,7 +1011,7 @@ def test_the_command_checks_all_frames_if_curves_change(tmp_path):
     code, out, err = run("check", *files)
     assert code == 3 and "the curves changed between frames" in out, (code, out, err)
     assert "files: check them with" not in err
-    # Regression test: the archive of the frames before the change has no such frame.
+    # Regression test: the frame was not found, because it comes after the change.
     for frame, out_ in (("4", "3 # lines: 0\n"), ("1", "2 # lines: 1\n0,1,-1\n")):
         assert run("certify", *files, "--frame", frame)[:2] == (0, out_)
     code, out, err = run("certify", *files, "--frame=0..1")
@@ -1024,7 +1024,7 @@ def test_the_command_checks_all_frames_if_curves_change(tmp_path):
 
 
 def test_a_check_keeps_curves_open_that_the_reader_keeps_open(tmp_path):
-    # Regression test: the session closed them all the same.
+    # Regression test: the session closed the curves in spite of the option.
     path = written(tmp_path, "coils.a", coils())
     for run_ in (
         linkwatch.check([path, path], closed=False),
@@ -1040,7 +1040,7 @@ def test_a_check_keeps_curves_open_that_the_reader_keeps_open(tmp_path):
 
 
 def test_a_check_takes_coordinates_as_they_are_if_the_reader_does(tmp_path):
-    """Regression test: the check moved the curve back that had jumped to another image."""
+    """Regression test: the check moved a curve back that had jumped to another image."""
     needs("MDAnalysis")
     cell = "CRYST1   10.000   11.000   12.000  90.00  90.00  90.00 P 1           1\n"
     paths = []
@@ -1059,7 +1059,7 @@ def test_a_check_takes_coordinates_as_they_are_if_the_reader_does(tmp_path):
 
 @pytest.mark.parametrize("option", ["closed", "unwrap", "keep_open", "one_motion"])
 def test_flags_of_read_are_true_or_false(tmp_path, option):
-    # Regression test: the text "false" was true.
+    # Regression test: the text "false" counted as true.
     path = written(tmp_path, "coils.a", coils())
     for value in ("false", 0):
         with pytest.raises(TypeError, match=f"{option} is .*, expected True or False"):
@@ -1126,7 +1126,7 @@ def parts(tmp_path, *cuts):
 
 
 def test_cuts_of_files_that_continue_one_another(tmp_path):
-    # Regression tests: Python took a file without cuts for a cut, and the command ignored a cut
+    # Regression tests: Python counted a file without cuts as a cut, and the command ignored a cut
     # between two files.
     for cuts, code in (
         ((None, None), 1),
@@ -1146,7 +1146,7 @@ def test_cuts_of_files_that_continue_one_another(tmp_path):
 
 
 def test_a_recorded_run_that_lacks_a_file_is_incomplete(tmp_path):
-    # Regression test: it was intact, and the step over the gap was searched.
+    # Regression test: the step over the gap was searched, and the run was intact.
     scene = ("generate", "chainmail:rows=12,columns=12", "--frames", "30,diameter=0.2")
     assert run(*scene, "-o", tmp_path / "run.npz")[0] == 0
     record = f"{tmp_path / 'run.mcap'},max=1MB"
@@ -1171,7 +1171,7 @@ def test_a_part_of_a_motion_keeps_its_cuts(tmp_path):
 
 
 def test_single_quotes_and_empty_times_in_xml_files_of_vtk(tmp_path):
-    # Regression tests: raw data was taken for base64, and an IndexError had no message.
+    # Regression tests: raw data was decoded as base64, and an IndexError had no message.
     content = vtp("appended").replace(b'"raw"', b"'raw'").replace(b">0.25<", b"><")
     (frame,) = linkwatch.read(written(tmp_path, "a.vtp", content))
     assert frame.time == 0
@@ -1179,7 +1179,7 @@ def test_single_quotes_and_empty_times_in_xml_files_of_vtk(tmp_path):
 
 
 def test_curves_stay_open_on_request_whatever_reads_their_file(tmp_path):
-    # Regression test: the readers of the package closed curves that end where they start.
+    # Regression test: the readers of the package ignored `keep_open`.
     path = written(tmp_path, "coils.a", coils())
     assert next(iter(linkwatch.read(path))).counts == [-12, -12]
     assert next(iter(linkwatch.read(path, keep_open=True))).counts == [13, 13]
@@ -1190,7 +1190,7 @@ def test_curves_stay_open_on_request_whatever_reads_their_file(tmp_path):
     assert np.load(archive)["counts"].tolist() == [13, 13]
     code, out, err = run("check", "--keep-open", path, path)
     assert code == 0 and "2 open curves" in out, (out, err)
-    # Regression test: a line that returns to the same vertex stayed open in one of two readers.
+    # Regression test: one of two readers left a line open that returns to its first vertex.
     path = written(tmp_path, "a.obj", TEXT["a.obj"])
     for name in (None, "obj"):
         frames = linkwatch.read(path, format=name, keep_open=True)
@@ -1206,7 +1206,7 @@ def test_curves_stay_open_on_request_whatever_reads_their_file(tmp_path):
 
 @pytest.mark.parametrize("name", ["disp", "Displacement", "u"])
 def test_points_that_an_array_may_displace_are_not_verified(tmp_path, name):
-    """Regression test: finite elements have the same points in all frames."""
+    """Regression test: a deformed mesh has the same points in all frames, and was intact."""
     values = "0 0 1 " * 24
     data = f"POINT_DATA 24\nSCALARS mass float 1\nLOOKUP_TABLE default\n{'1 ' * 24}\n"
     vectors = f"VECTORS {name} float\n{values}\n"

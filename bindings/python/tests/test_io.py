@@ -116,7 +116,7 @@ def test_a_missing_library_is_named(tmp_path, monkeypatch):
 
 
 def test_curves_that_stay_open_are_written_as_open_curves(tmp_path):
-    # Regression test: a chain that nothing says to be closed was verified as an open curve, but
+    # Regression test: a chain that is not marked as closed was verified as an open curve, but was
     # closed in the recording and the report of the same run.
     t = np.linspace(0, np.pi, 10)
     chain = np.stack([3 * np.cos(t), 3 * np.sin(t), 0 * t], axis=1)

@@ -92,7 +92,7 @@ def test_frames_are_chosen_as_in_other_analyses(capsys):
 
 
 def test_an_option_that_fails_says_why():
-    """Regression test: the message was that of an attribute of None."""
+    """Regression test: the message was about an attribute of None."""
     made = universe([linked(0.1 * k) for k in range(3)])
     for option in ({"events": "x"}, {"radius": -1}, {"invariants": "x"}):
         with pytest.raises(ValueError) as why:

@@ -139,7 +139,7 @@ def test_lammps_data_files_are_topologies(tmp_path):
     assert [links(frame) for frame in frames] == [1, 1]
     run_ = save(made, tmp_path / "a.dcd")
     assert [links(frame) for frame in linkwatch.read(tmp_path / "a.data", run_)] == [1, 1]
-    # Regression test: the command of the package gave the reader the trajectory alone.
+    # Regression test: the command passed only the trajectory to the reader.
     code, out, err = run("check", tmp_path / "a.data", run_)
     assert code == 0 and "2 frames verified" in out, (out, err)
     topology = save(made, tmp_path / "b.pdb", bonds="all")
@@ -168,7 +168,7 @@ def test_gsd_files_have_all(tmp_path):
 
 
 def test_frames_of_gsd_files_with_other_bonds_are_rejected(tmp_path):
-    """Regression test: the bonds of the first frame held for all, and the run was intact."""
+    """Regression test: the bonds of the first frame were used for all, and the run was intact."""
     needs("MDAnalysis", "gsd")
     hoomd = pytest.importorskip("gsd.hoomd", reason="gsd is not installed")
     with hoomd.open(tmp_path / "a.gsd", "w") as file:
@@ -192,7 +192,7 @@ def test_frames_of_gsd_files_with_other_bonds_are_rejected(tmp_path):
 
 
 def test_all_models_of_a_pdb_file_have_the_cell_before_them(tmp_path):
-    """Regression test: MDAnalysis gave it to no model, and the run was intact."""
+    """Regression test: MDAnalysis assigned the cell to no model, and the run was intact."""
     points = np.vstack([POINTS[:12], POINTS[12:] + [10, 0, 0]])
     path = save(universe(points, frames=3), tmp_path / "a.pdb", bonds="all")
     assert path.read_text().count("CRYST1") == 1
@@ -209,7 +209,7 @@ def test_all_models_of_a_pdb_file_have_the_cell_before_them(tmp_path):
 
 
 def test_serial_numbers_of_pdb_that_bonds_need_are_unique(tmp_path):
-    """Regression test: bonds of the first ring were those of atoms with equal serial numbers."""
+    """Regression test: bonds connected other atoms with equal serial numbers."""
     text = save(universe(frames=2), tmp_path / "a.pdb", bonds="all").read_text()
     ids = [line[6:11] for line in text.splitlines() if line.startswith("ATOM")][:24]
     assert len(set(ids)) == 24 and text.count("CONECT") >= 24
@@ -232,7 +232,7 @@ def test_serial_numbers_of_pdb_that_bonds_need_are_unique(tmp_path):
 
 
 def test_a_direction_of_a_cell_that_does_not_repeat_has_an_edge_of_0(tmp_path):
-    """Regression test: the frame then had no cell at all."""
+    """Regression test: with an edge of 0, the frame had no cell at all."""
     points = np.vstack([POINTS[:12], POINTS[12:] + [10, 0, 0]])
     (frame,) = io.from_mdanalysis(universe(points, cell=[10, 11, 0, 90, 90, 90]))
     np.testing.assert_array_equal(frame.cell, [[10, 0, 0], [0, 11, 0], [0, 0, 0], [0, 0, 0]])
@@ -246,7 +246,7 @@ def test_a_direction_of_a_cell_that_does_not_repeat_has_an_edge_of_0(tmp_path):
 
 @pytest.mark.parametrize("suffix", ["gro", "pqr"])
 def test_files_of_which_mdanalysis_reads_only_the_first_frame_are_errors(tmp_path, suffix):
-    """Regression test: the other frames were left out in silence."""
+    """Regression test: the other frames were skipped without a message."""
     made = universe()
     made.add_TopologyAttr("charges", [0.0] * 24)
     made.add_TopologyAttr("radii", [1.0] * 24)
@@ -265,7 +265,7 @@ def test_files_of_which_mdanalysis_reads_only_the_first_frame_are_errors(tmp_pat
 
 
 def test_atoms_of_h5md_files_have_the_order_of_their_ids(tmp_path):
-    """Regression test: an order that changes was a pull-through."""
+    """Regression test: a change of the order of the atoms was reported as a pull-through."""
     needs("MDAnalysis")
     h5py = pytest.importorskip("h5py", reason="h5py is not installed")
     made = universe(frames=3)
@@ -320,7 +320,7 @@ def test_trajectories_that_are_numbered_have_the_order_of_their_numbers(tmp_path
 
 
 def test_frames_of_the_first_file_are_frames_if_later_files_have_its_kind(tmp_path):
-    """Regression test: the file was the topology only, so a link that it has was not missed."""
+    """Regression test: only the topology of the first file was read, not its frame."""
     apart = POINTS + np.repeat([[0, 0, 0], [5, 0, 0]], 12, axis=0)
     paths = [
         save(universe(points, cell=None), tmp_path / f"F{k}.pdb", bonds="all")
@@ -331,12 +331,12 @@ def test_frames_of_the_first_file_are_frames_if_later_files_have_its_kind(tmp_pa
     # The files are sorted by their numbers, the first one as well.
     assert run("check", *paths[::-1], "--events=off")[0] == 1
     other = save(universe(bonds=EDGES[1:], cell=None), tmp_path / "F4.pdb", bonds="all")
-    # Regression test: the bonds were those of the file that is given first.
+    # Regression test: the first argument was used as the topology, whatever its kind.
     for given in ([*paths, other], [other, *paths]):
         rejected = [frame.rejected for frame in linkwatch.read(*given)]
         assert rejected[:3] == [None] * 3 and "other bonds than the first frame" in rejected[3]
         assert linkwatch.check(given).changes[0]["frame"] == 1
-    # Regression test: frames of the first file were said to be none.
+    # Regression test: frames of the first file were reported as missing.
     frames = linkwatch.read(paths[0], *paths[:2])
     assert len(frames) == 2 and "is the topology" not in str(frames.summary)
     frames = linkwatch.read(paths[0], save(universe(frames=2), tmp_path / "a.dcd"))
@@ -355,7 +355,7 @@ def test_frames_of_the_first_file_are_frames_if_later_files_have_its_kind(tmp_pa
 
 @pytest.mark.parametrize("name", ["a.xyz", "a.dump"])
 def test_the_topology_of_a_trajectory_may_have_no_bonds(tmp_path, name):
-    """Regression test: it was refused."""
+    """Regression test: a topology without bonds was refused."""
     text = dump([POINTS]) if name == "a.dump" else extended_xyz([POINTS], "frame")
     path = written(tmp_path, name, text)
     frames = linkwatch.read(path, save(universe(frames=2), tmp_path / "a.dcd"), closed=True)
@@ -376,7 +376,7 @@ def psf(bonds):
 
 
 def test_the_bonds_of_pdb_files_beside_another_topology_do_not_count(tmp_path):
-    """Regression test: frames that have other CONECT than the first one were rejected."""
+    """Regression test: frames with other CONECT records than the first one were rejected."""
     top = written(tmp_path, "top.psf", psf(EDGES))
     paths = [
         save(universe(bonds=bonds, cell=None), tmp_path / f"G{k}.pdb", bonds="all")
@@ -388,7 +388,7 @@ def test_the_bonds_of_pdb_files_beside_another_topology_do_not_count(tmp_path):
 
 @pytest.mark.parametrize("cells", [0, 1, 3])
 def test_models_that_only_end_separates_are_frames(tmp_path, cells):
-    """Regression test: files of VMD were refused."""
+    """Regression test: files written by VMD were refused."""
     made = save(universe(frames=3), tmp_path / "a.pdb", bonds=None)
     lines = made.read_text().splitlines()
     lines = ["END" if line == "ENDMDL" else line for line in lines if not line.startswith("MODEL")]
@@ -406,7 +406,7 @@ def test_models_that_only_end_separates_are_frames(tmp_path, cells):
 
 
 def test_copies_of_files_with_equal_names_are_apart(tmp_path):
-    """Regression test: the last one was read in place of all."""
+    """Regression test: the last file was read in place of all."""
     made = universe(frames=3)
     top = save(made, tmp_path / "top.pdb", bonds="all")
     paths = [tmp_path / name / "run.pdb" for name in "ab"]
@@ -422,7 +422,7 @@ def test_copies_of_files_with_equal_names_are_apart(tmp_path):
 
 @pytest.mark.parametrize("edges", [[40.0, 50, 60], np.diag([40.0, 50, 60])])
 def test_h5md_files_may_have_one_cell_for_all_frames(tmp_path, edges):
-    """Regression test: they were refused."""
+    """Regression test: files with one cell for all frames were refused."""
     needs("MDAnalysis")
     h5py = pytest.importorskip("h5py", reason="h5py is not installed")
     made = universe(frames=3)
@@ -445,7 +445,7 @@ def test_h5md_files_may_have_one_cell_for_all_frames(tmp_path, edges):
 
 @pytest.mark.parametrize("cut", [20, 1000])
 def test_pdb_and_tinker_files_that_are_cut_off_are_errors(tmp_path, cut):
-    """Regression test: a ring became a chain, and the last frame was missing, in silence."""
+    """Regression test: without an error, a ring became a chain, or the last frame was missing."""
     text = save(universe(frames=3), tmp_path / "a.pdb", bonds="all").read_text()
     assert len(linkwatch.read(written(tmp_path, "b.pdb", text.rpartition("END")[0]))) == 3
     rows = [f"{i + 1} C {x:.4f} {y:.4f} {z:.4f} 1 {i or 12}" for i, (x, y, z) in enumerate(POINTS)]
@@ -490,7 +490,7 @@ TILTED = np.array([[6, 0, 0], [2.1, 6, 0], [2.1, 1.8, 6]])
 
 
 def test_the_cell_of_gsd_has_its_tilt_factors(tmp_path):
-    """Regression test: they were taken for cosines of angles, and a wrong cell was intact."""
+    """Regression test: tilt factors were read as cosines, and a wrong cell was intact."""
     needs("MDAnalysis", "gsd")
     hoomd = pytest.importorskip("gsd.hoomd", reason="gsd is not installed")
     with hoomd.open(tmp_path / "a.gsd", "w") as file:
@@ -520,7 +520,7 @@ def extended_xyz(frames, comment):
 
 
 def test_a_trajectory_of_extended_xyz_has_its_lattice(tmp_path):
-    """Regression test: it was ignored, so that torn rings were intact."""
+    """Regression test: the lattice was ignored, and torn rings were intact."""
     top = save(universe(cell=None), tmp_path / "a.pdb", bonds="all")
     lattice = " ".join(map(str, TILTED.ravel()))
     inside = POINTS @ np.linalg.inv(TILTED)
@@ -550,7 +550,7 @@ def test_a_trajectory_of_extended_xyz_has_its_lattice(tmp_path):
 
 
 def test_the_boundary_of_h5md_says_which_directions_repeat(tmp_path):
-    """Regression test: all did, so that images were linked that do not exist."""
+    """Regression test: all directions were periodic, which linked images that do not exist."""
     needs("MDAnalysis")
     h5py = pytest.importorskip("h5py", reason="h5py is not installed")
     made = universe(frames=2)
@@ -578,7 +578,7 @@ def test_the_boundary_of_h5md_says_which_directions_repeat(tmp_path):
 
 
 def test_dumps_beside_other_topologies_have_their_boundaries_and_ids(tmp_path):
-    """Regression test: all directions repeated, and without ids the order was that of the lines."""
+    """Regression test: all directions were periodic, and atoms were in the order of the lines."""
     top = save(universe(), tmp_path / "a.pdb", bonds="all")
     text = dump([POINTS, POINTS])
 
@@ -762,7 +762,7 @@ def test_trajectories_that_are_cut_off_are_errors(tmp_path, suffix):
         cut.write_bytes(data[: int(share * len(data))])
         with pytest.raises(ValueError, match="cut off|can be read|cannot read"):
             list(linkwatch.read(top, cut))
-        # Regression test: only the end of the first file was read, or that of all together.
+        # Regression test: the end was checked only for the first file, or for all files together.
         with pytest.raises(ValueError, match="cut off|can be read|cannot read"):
             list(linkwatch.read(top, whole, cut))
     more = tmp_path / f"more.{suffix}"
@@ -819,7 +819,7 @@ def test_ring_strands_of_oxdna_are_linked(tmp_path, top):
 
 
 def test_trajectories_of_oxdna_have_the_order_that_is_given(tmp_path):
-    """Regression test: `md` came before `relax`, and a pull-through was missed."""
+    """Regression test: `md` was read before `relax`, and a pull-through was missed."""
     top = written(tmp_path, "a.top", OLD)
     paths = [written(tmp_path, f"{name}.dat", oxdna(1, POINTS + [k, 0, 0])) for k, name in
              enumerate(("relax", "md", "md2", "md10"))]  # fmt: skip
@@ -923,7 +923,7 @@ def test_wrapped_curves_are_whole_again_in_any_cell():
 
 
 def test_chains_with_one_id_are_refused_where_one_ends(tmp_path):
-    """Regression test: they were one chain."""
+    """Regression test: two chains with one id were read as one chain."""
     atom = "ATOM  {:5d}  CA  ALA {}{:4d}    {:8.3f}{:8.3f}{:8.3f}  1.00  0.00           C\n"
     path = tmp_path / "chains.pdb"
 
@@ -954,7 +954,7 @@ def test_a_dump_that_mdanalysis_cannot_read_says_what_to_do(tmp_path, item):
 
 
 def test_a_topology_that_is_cut_off_within_its_bonds_is_refused(tmp_path):
-    """Regression test: the rings beyond the cut were open chains."""
+    """Regression test: rings after the end of the truncated file were open chains."""
     path = save(universe(), tmp_path / "a.pdb", bonds="all")
     motion = save(universe(), tmp_path / "a.dcd")
     lines = path.read_text().splitlines(keepends=True)
@@ -980,7 +980,7 @@ def test_a_topology_that_is_cut_off_within_its_bonds_is_refused(tmp_path):
     ],
 )
 def test_a_cell_of_xyz_that_is_no_lattice_is_not_ignored(tmp_path, comment, says):
-    """Regression test: it was ignored in silence."""
+    """Regression test: the invalid cell was ignored without a message."""
     top, path = save(universe(), tmp_path / "a.pdb", bonds="all"), tmp_path / "a.xyz"
     lines = "".join(f"C {x} {y} {z}\n" for x, y, z in POINTS.tolist())
     path.write_text(f"{len(POINTS)}\n{comment}\n{lines}")

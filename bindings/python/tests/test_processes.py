@@ -59,7 +59,7 @@ def finish(sim, watch):
     return last, code, out
 
 
-# Regression test: the wait lasted to its limit.
+# Regression test: the call waited until its time limit.
 def test_a_wait_for_an_earlier_frame_ends_at_once(service, start):
     watch = start("watch", "--service", service)
     with lockstep(service) as sim:

@@ -38,7 +38,7 @@ def test_every_recording_opens(path):
 
 
 def test_rollbacks_are_kept_by_conversions_and_not_searched(tmp_path):
-    """Regression test: the step of a rollback was a pull-through in Python and in archives."""
+    """Regression test: Python and archives reported a rollback as a pull-through."""
     strand = np.array([[-2, 0, 0], [0, 0.01, 0], [2, 0, 0]], float)
     other = strand[:, [1, 0, 2]]
     heights = [0.4, 0.3, -0.3, -0.4]
@@ -64,7 +64,7 @@ def test_rollbacks_are_kept_by_conversions_and_not_searched(tmp_path):
 
 
 def test_gaps_of_recordings_are_not_searched_and_said(tmp_path):
-    """Regression test: a conversion lost them, and the step over a gap was a pull-through."""
+    """Regression test: a conversion lost the gaps, which became pull-throughs."""
     strand = np.array([[-2, 0, 0], [0, 0.01, 0], [2, 0, 0]], float)
     other = strand[:, [1, 0, 2]]
     # Around the end of the strand, up and down.

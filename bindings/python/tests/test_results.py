@@ -129,7 +129,7 @@ def test_findings_have_tuples_and_the_names_of_curves():
 
 @pytest.mark.parametrize("name", [name for name in results() if name != "certificate"])
 def test_equal_results_have_one_hash(name):
-    # Regression test: reports and diagrams had none.
+    # Regression test: reports and diagrams had no hash.
     one, other = results()[name], results()[name]
     same = copy.copy(one)
     assert one == same and hash(one) == hash(same) and len({one, same}) == 1

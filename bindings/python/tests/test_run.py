@@ -78,7 +78,7 @@ def test_what_was_not_verified_is_no_success(tmp_path):
     incomplete("rejected", far)
     open_curve = [[RING, OTHER]] * 2
     incomplete("not verified: 1 open curve", open_curve, closed=[True, False], events="off")
-    # Regression test: only the last frame counted, in the whole run and in its last chunk.
+    # Regression test: only the last frame counted: of the run, or of its last chunk.
     both = Frame(np.concatenate([RING, OTHER]), [-4, 4], names=["ring", "line"])
     ring = Frame(RING, [-4], names=["ring"])
     frames = [replace(one, seq=seq) for seq, one in enumerate([both, both, ring, ring])]
@@ -87,7 +87,7 @@ def test_what_was_not_verified_is_no_success(tmp_path):
             incomplete("not verified: 1 open curve", frames, events="off", **chunks)
     run = linkwatch.check(open_curve, closed=[True, False])
     assert run and "1 open curve verified for pull-throughs" in run.summary
-    # Regression test: this was said of one frame as well.
+    # Regression test: a single frame had this note, too.
     baseline = linkwatch.certify([RING, OTHER + [9, 0, 0]])
     run = linkwatch.check(open_curve[:1], baseline, closed=[True, False])
     assert "not verified: 1 open curve" in run.summary, run.summary
@@ -158,7 +158,7 @@ def test_curves_may_come_and_go_by_name():
 
 
 def test_a_frame_of_other_curves_is_rejected_alone():
-    """Regression test: without names, all later frames were rejected, and a change was missed."""
+    """Regression test: all later frames were rejected, and a change was missed."""
     frames = [*BROKEN]
     frames[1] = frames[1][:1]
     rejected = ["intact", "rejected", "intact", "changed", "changed", "changed"]
@@ -168,7 +168,7 @@ def test_a_frame_of_other_curves_is_rejected_alone():
     run = linkwatch.check(published, radius="published")
     assert [row["verdict"] for row in run.frames] == rejected
     assert run.frames[1]["rejected"].startswith("other radii than before: give a fixed radius")
-    # Regression test: all later frames were rejected after other names, or open curves, as well.
+    # Regression test: all later frames were rejected after this change, too.
     for change in ({"names": ["a", "b"]}, {"closed_by_default": True}):
         described = [replace(frame, radii=[]) for frame in published]
         described[1] = replace(described[1], **change)
@@ -330,7 +330,7 @@ def test_one_curve_alone_is_not_intact():
 
 
 def test_frames_in_memory_without_numbers_are_counted():
-    """Regression test: all of them had the number 0."""
+    """Regression test: all frames had the number 0."""
     frames = [Frame(np.concatenate(points), [-4, -4]) for points in BROKEN]
     run = linkwatch.check(frames)
     assert [row["frame"] for row in run.frames] == list(range(6))
@@ -339,7 +339,7 @@ def test_frames_in_memory_without_numbers_are_counted():
 
 
 def test_a_segment_that_spans_half_of_the_scene_is_a_warning():
-    """Regression test: curves that the boundary of a cell tears were intact without a word."""
+    """Regression test: torn curves were intact without a warning."""
     angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1) + [9.5, 5, 5]
     torn = [ring % 10, (ring + [0, 2.5, 0]) % 10]
@@ -352,7 +352,7 @@ def test_a_segment_that_spans_half_of_the_scene_is_a_warning():
 
 
 def test_options_do_not_hold_for_frames_that_have_them():
-    """Regression test: they were ignored without a word."""
+    """Regression test: the options were ignored without a warning."""
     frames = [Frame(np.concatenate(points), [-4, -4]) for points in BROKEN]
     for option in (
         {"cell": [10] * 3},
@@ -367,7 +367,7 @@ def test_options_do_not_hold_for_frames_that_have_them():
 
 
 def test_frames_remember_what_their_file_left_out():
-    """Regression test: a list of the frames of a file was intact."""
+    """Regression test: given as a list, the frames of an incomplete file were intact."""
     frames = [Frame(np.concatenate(points), [-4, -4]) for points in BROKEN[:2]]
     frames = [replace(frame, left_out=("1 quadratic edge (cell 2)",)) for frame in frames]
     run = linkwatch.check(frames)
@@ -376,7 +376,7 @@ def test_frames_remember_what_their_file_left_out():
 
 @pytest.mark.parametrize("in_pool", [False, True])
 def test_a_simulation_may_write_over_its_points(in_pool):
-    """Regression test: all frames of a chunk were the last one."""
+    """Regression test: all frames of a chunk had the points of the last one."""
 
     def points():
         now = np.empty((8, 3))
@@ -390,7 +390,7 @@ def test_a_simulation_may_write_over_its_points(in_pool):
 
 
 def test_open_curves_that_nothing_verifies_are_not_intact():
-    """Regression test: an open curve has no knot, and steps that are cut are not searched."""
+    """Regression test: such curves were intact, although no knot or step is compared."""
     line = np.random.default_rng(0).normal(size=(2, 12, 3))
     run = linkwatch.check([[line[0]], [line[1]]], closed=False, invariants="self")
     assert run.verdict == "incomplete" and "one curve alone" in run.summary
@@ -404,14 +404,14 @@ def test_open_curves_that_nothing_verifies_are_not_intact():
 
 
 def test_each_curve_may_have_its_own_radius():
-    """Regression test: a list was lost, and an array was an error."""
+    """Regression test: a list of radii was ignored, and an array was an error."""
     of_number = linkwatch.check(BROKEN, radius=0.05).frames
     for radius in ([0.05, 0.05], (0.05, 0.05), np.array([0.05, 0.05])):
         assert linkwatch.check(BROKEN, radius=radius).frames == of_number
 
 
 def test_a_report_that_ctrl_c_took_makes_the_next_frame_undecided():
-    """Regression test: the step had ended, and a repetition of it was intact."""
+    """Regression test: the interrupted step was complete, so repeating it was intact."""
     number = 300_000
     at = np.linspace(-1, 1, number)
     noise = 1e-7 * np.random.default_rng(1).normal(size=(2, number, 3))

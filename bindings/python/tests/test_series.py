@@ -22,7 +22,7 @@ def test_linking_numbers_over_time():
     assert np.isnan(touching[:, 0, 0]).tolist() == [False, False, True]
     assert linkwatch.linking(FRAMES, pairs=[]).shape == (3, 0)
     assert linkwatch.linking(FRAMES, pairs=iter([(0, 1)])).shape == (3, 1)
-    # Regression test: they were the numbers of other pairs.
+    # Regression test: the integrals of other pairs were returned.
     for pairs in ([(0, 2)], [(0, -1)], [(1, 1)]):
         with pytest.raises(IndexError, match="expected two different curves of 0 to 1"):
             linkwatch.linking(FRAMES, pairs=pairs)
@@ -33,7 +33,7 @@ def test_linking_numbers_over_time():
 
 @pytest.mark.parametrize("measure", [linkwatch.writhe, linkwatch.gauss_integrals])
 def test_a_tolerance_is_above_0(measure):
-    # Regression test: all was NaN, as of curves that touch.
+    # Regression test: the result was NaN, as for curves that touch.
     for tolerance in (0, -1e-4, np.nan):
         with pytest.raises(ValueError, match="tolerance is .*, expected a number above 0"):
             measure(FRAMES, tolerance=tolerance)
@@ -74,7 +74,7 @@ def test_writhe_and_twist_of_a_ribbon():
 
 
 def test_a_curve_that_only_the_default_closes_stays_open():
-    """Regression test: they were closed by long segments, without a warning."""
+    """Regression test: such curves were closed by long segments, without a warning."""
     random = np.random.default_rng(2)
     chains = [np.cumsum(random.normal(size=(30, 3)) + [1.5, 0, 0], 0) for _ in range(2)]
     measures = [
@@ -92,7 +92,7 @@ def test_a_curve_that_only_the_default_closes_stays_open():
 
 
 def test_a_curve_that_the_boundary_of_the_cell_may_tear_is_a_warning():
-    """Regression test: it was measured without a word."""
+    """Regression test: the torn curve was measured without a warning."""
     angles = 2 * np.pi * np.arange(40) / 40
     ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1) + 5
     torn, cell = (ring + 4.5) % 10, [10, 10, 10]
@@ -156,7 +156,7 @@ def test_a_ribbon_is_measured_in_one_frame():
 
 
 def test_strands_that_touch_have_no_twist():
-    """Regression test: it was any number."""
+    """Regression test: an arbitrary number was returned."""
     axis = circle(12, [0, 0, 0], [[1, 0, 0], [0, 1, 0]])
     touching = axis * 1.2
     touching[0] = axis[0]
