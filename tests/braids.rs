@@ -458,8 +458,8 @@ fn a_broken_braid_hides_no_change_of_closed_curves_and_adds_none() {
     }
 }
 
-/// Regression test: a ring that was degenerate took its numbers from a frame in which those of
-/// loops mean nothing, so that its links with loops were changes later.
+/// Regression test: in a frame with a broken braid, a ring that had been degenerate adopted its
+/// linking numbers with loops, which are meaningless there. Later frames then reported changes.
 #[test]
 fn a_ring_takes_no_number_from_a_frame_with_a_broken_braid() {
     let whole = strands(4, &[2, 2]);

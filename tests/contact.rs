@@ -278,8 +278,8 @@ fn curves_that_touch_in_the_first_frame_take_their_number_from_the_next() {
     }
 }
 
-/// Regression test: the passage that began in the contact had no motion, so that one pull-through
-/// of two that cancel was certain.
+/// Regression test: a passage that began in the contact had a motion of 0. So of two pull-throughs
+/// that cancel, one was unresolved and the other one was not.
 #[test]
 fn a_pull_through_that_begins_in_a_contact_may_be_unresolved() {
     let ring = [[-1., -1., 0.], [1., -1., 0.], [1., 1., 0.], [-1., 1., 0.]];

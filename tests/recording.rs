@@ -449,7 +449,7 @@ fn detects_damage_at_any_byte() {
     }
 }
 
-/// Regression test: the second one of two recordings in one file was ignored without a word.
+/// Regression test: the second of two recordings in one file was ignored without a message.
 #[test]
 fn recordings_that_were_joined_are_an_error() {
     let one = write(&small(3), false, true);

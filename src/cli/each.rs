@@ -270,7 +270,8 @@ fn last_line(model: &Path, threads: usize) -> std::io::Result<(Option<i32>, Stri
 mod tests {
     use super::*;
 
-    /// Regression test: the last line of an input was cut off, and a result was appended to it.
+    /// Regression test: `--resume` truncated a file that `--each` had not written, and appended to
+    /// it.
     #[test]
     fn resume_leaves_files_as_they_are_that_each_did_not_write() {
         let folder = tempfile::tempdir().unwrap();
@@ -297,7 +298,7 @@ mod tests {
         }
     }
 
-    /// Regression test: such a file was refused.
+    /// Regression test: a file that was truncated within a character was refused.
     #[test]
     fn resume_drops_a_line_that_was_cut_within_a_character() {
         let folder = tempfile::tempdir().unwrap();

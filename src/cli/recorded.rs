@@ -197,7 +197,7 @@ mod tests {
         frames.collect()
     }
 
-    /// Regression test: the step after the gap was searched, and the next one was not.
+    /// Regression test: the step over the gap was searched, and the step after it was not.
     #[test]
     fn a_gap_is_before_the_frame_that_follows_frames_without_curves() {
         let frames = [

@@ -388,7 +388,8 @@ mod tests {
         }
     }
 
-    /// Regression test: pairs that are not searched for ended the search, so others were missing.
+    /// Regression test: pairs that the filter excludes counted towards the limit, and others were
+    /// missing.
     #[test]
     fn a_limit_counts_only_the_pairs_of_a_filter_and_hides_none() {
         let same = Box3 {

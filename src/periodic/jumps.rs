@@ -132,8 +132,8 @@ mod tests {
     use super::*;
     use crate::curve::Basis;
 
-    /// Regression test: steps and places were measured from the origin, with the cell of the later
-    /// frame, so that jumps were not followed after some earlier ones.
+    /// Regression test: steps were measured from the origin in the cell of the later frame, so that
+    /// jumps after some earlier ones were not found.
     #[test]
     fn a_jump_is_followed_in_the_frame_in_which_the_cell_changes() {
         for corner in [0.0, -5.0, 1000.0] {

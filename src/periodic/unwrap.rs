@@ -315,8 +315,8 @@ mod tests {
         }
     }
 
-    /// Regression test: the place in the cell of the previous frame was compared in the next one,
-    /// so that a curve that had drifted by many cells came to another image.
+    /// Regression test: a position in the previous cell was compared with one in the current cell,
+    /// so that a curve that had drifted by many cells jumped to another image.
     #[test]
     fn a_curve_stays_at_its_image_if_the_cell_changes() {
         for corner in [0.0, -5.0, 1000.0] {

@@ -104,7 +104,7 @@ mod tests {
     use super::*;
     use crate::verdict::{Change, Defect, InvariantChange, Place, Verdict};
 
-    /// Regression test: another knot was no new finding.
+    /// Regression test: a change to yet another knot was not a new finding.
     #[test]
     fn other_invariants_are_findings_of_their_own() {
         let of = |curves: &[u32], found: &str| {

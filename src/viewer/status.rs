@@ -172,7 +172,7 @@ mod tests {
         }
     }
 
-    /// Regression test: the frame of each defect was that of a knot, and the knot was missing.
+    /// Regression test: the row of a knot was missing, and each defect had the frame of the knot.
     #[test]
     fn knots_have_rows_and_frames_of_their_own() {
         let mut report = report(1);

@@ -133,7 +133,8 @@ mod tests {
         }
     }
 
-    /// Regression test: the index of all chunks, for the end of the file, grew in memory.
+    /// Regression test: the index of all chunks, which is written last, grew in memory during the
+    /// run.
     #[test]
     fn a_file_has_no_index() {
         let folder = tempfile::tempdir().unwrap();

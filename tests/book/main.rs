@@ -289,7 +289,7 @@ fn functions_of_c_exist() {
     }
 }
 
-/// Regression test: the client was freed twice. A program that ends early may close it before.
+/// Regression test: an example freed the client twice.
 #[test]
 fn programs_in_c_use_no_client_after_its_end() {
     for page in pages() {

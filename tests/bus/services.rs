@@ -39,7 +39,7 @@ fn a_service_is_listed_with_its_simulator_and_its_watcher() {
     assert_eq!(roles(&name), None);
 }
 
-/// Regression test: a watch that was started again waited for this simulator.
+/// Regression test: a restarted watch waited for this simulator.
 #[test]
 fn a_simulator_that_has_ended_is_not_listed_while_its_memory_is_used() {
     let name = service();
@@ -93,7 +93,7 @@ fn a_killed_process_is_not_listed() {
     drop(simulator);
 }
 
-/// Regression test: later processes waited without limit, whatever their service.
+/// Regression test: later processes waited forever, even on other services.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_process_killed_while_it_creates_a_service_stops_no_other() {

@@ -209,8 +209,8 @@ fn an_accepted_frame_is_the_baseline_of_a_late_watcher() {
     assert_eq!(answer_next(&mut sidecar), 5);
 }
 
-/// Regression test: a frame that waited behind the baseline counted as returned, and no verdict was
-/// ever sent on it.
+/// Regression test: a frame that waited behind the baseline counted as answered, and never got a
+/// verdict.
 #[test]
 fn the_next_watcher_gets_a_frame_that_waited_behind_the_baseline() {
     let name = service();
@@ -268,7 +268,8 @@ fn a_watcher_may_restart() {
     assert!(sessions.windows(2).all(|w| w[0] == w[1]), "{sessions:?}");
 }
 
-/// Regression test: a new finding had the curve numbers of an old one, and was not sent as new.
+/// Regression test: a new finding had the same curve indices as an old one, and was not sent as
+/// new.
 #[test]
 fn findings_of_curves_that_are_described_again_are_new() {
     let name = service();
@@ -311,7 +312,7 @@ fn findings_of_curves_that_are_described_again_are_new() {
     assert_eq!(first(&mut client, 2, &[(0, 1), (1, 2)]), (0, 1));
 }
 
-/// Regression test: messages had the names of the newest description.
+/// Regression test: messages had the curve names of the newest frame instead of their own.
 #[test]
 fn messages_name_the_curves_of_their_frame() {
     let name = service();

@@ -342,8 +342,8 @@ fn a_recording_of_curves_that_jump_has_the_frames_as_they_were_given() {
         "{}",
         replayed.stdout
     );
-    // Regression test: a replay that began after the jump took the image of the curve, with which
-    // the other one is linked then, for the curve itself, and was intact.
+    // Regression test: a replay that began after the jump took an image of the curve, which is
+    // linked with the other one, for the curve itself, and was intact.
     for from in ["4", "5"] {
         let later = linkwatch(&["replay", text(&recording), "--from", from]);
         assert_eq!(later.code, 1, "{}", later.stderr);

@@ -192,7 +192,7 @@ fn periodic(path: &Path, cell: &str, counts: &[i32], points: &[[f64; 3]]) {
     writer.finish().unwrap();
 }
 
-/// Regression test: a cell of yarns had nothing to verify.
+/// Regression test: the command claimed that a scene of yarns had nothing to verify.
 #[test]
 fn a_cell_of_yarns_has_a_certificate_with_their_periods() {
     let folder = TempDir::new().unwrap();
@@ -247,7 +247,7 @@ fn a_cell_of_yarns_has_a_certificate_with_their_periods() {
     );
 }
 
-/// Regression test: a contact with an image was no warning, and the exit code was 0.
+/// Regression test: a contact with an image gave no warning and exit code 0.
 #[test]
 fn a_contact_with_an_image_is_told_as_one_of_two_curves() {
     let folder = TempDir::new().unwrap();

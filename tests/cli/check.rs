@@ -172,7 +172,7 @@ fn frames_with_open_curves_are_incomplete_without_a_search_for_pull_throughs() {
     assert!(run.stdout.contains(says), "{}", run.stdout);
 }
 
-/// Regression test: a path that is not UTF-8 was a panic.
+/// Regression test: a path that is not UTF-8 caused a panic.
 #[cfg(unix)]
 #[test]
 fn json_has_paths_that_are_not_utf8() {
@@ -456,7 +456,7 @@ fn check_verifies_each_file_in_a_process_of_its_own() {
     let run = linkwatch(&[&each[..], &["--resume", "--events=off"], &files].concat());
     assert!(run.stderr.contains("3 verified now"), "{}", run.stderr);
 
-    // Regression test: as are all with another certificate under the same name.
+    // Regression test: all runs are also repeated if the content of the certificate changed.
     let certificate = path("certificate.txt");
     let resumed = |model: &Path| {
         let certify = ["certify", text(model), "--force", "-o", text(&certificate)];
@@ -476,7 +476,7 @@ fn check_verifies_each_file_in_a_process_of_its_own() {
     assert!(run.stderr.contains("0 verified now"), "{}", run.stderr);
 }
 
-/// Regression test: a process that was killed had the verdict of its last line.
+/// Regression test: a killed process got the verdict of its last line.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_run_that_is_killed_has_no_verdict() {
@@ -521,7 +521,7 @@ fn a_run_that_is_killed_has_no_verdict() {
     );
 }
 
-/// Regression test: one curve, of which nothing is verified, was intact.
+/// Regression test: a single curve, for which nothing is verified, was intact.
 #[test]
 fn one_curve_alone_is_not_intact() {
     let folder = TempDir::new().unwrap();
@@ -541,7 +541,7 @@ fn one_curve_alone_is_not_intact() {
     }
 }
 
-/// Regression test: files after one of an unknown kind were not verified.
+/// Regression test: files after a file of an unknown format were not verified.
 #[test]
 fn files_after_those_of_an_unknown_kind_are_verified() {
     let folder = TempDir::new().unwrap();
@@ -586,7 +586,8 @@ fn circle(at: [f64; 3], [u, v]: [usize; 2]) -> Vec<[f64; 3]> {
     (0..24).map(point).collect()
 }
 
-/// Regression test: pull-throughs of the whole run were not searched for.
+/// Regression test: the jump counted as a large motion, and the run was not searched for
+/// pull-throughs.
 #[test]
 fn frames_are_not_far_apart_if_a_curve_jumps_by_a_lattice_vector() {
     let folder = TempDir::new().unwrap();
@@ -607,7 +608,7 @@ fn frames_are_not_far_apart_if_a_curve_jumps_by_a_lattice_vector() {
     assert!(run.code == 1 && passed >= 2, "{}{}", run.stdout, run.stderr);
 }
 
-/// Regression test: curves were told apart by the order in which their numbers appear.
+/// Regression test: curves were identified by the order in which the molecules appear in the file.
 #[test]
 fn molecules_are_the_same_curves_in_any_order_of_a_file() {
     let folder = TempDir::new().unwrap();

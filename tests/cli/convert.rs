@@ -211,14 +211,14 @@ fn invalid_frames_are_left_out_and_make_the_conversion_incomplete() {
             run.stdout
         );
         assert!(run.stderr.contains("f1.bcc: left out: "), "{}", run.stderr);
-        // Regression test: later checks of the output were intact.
+        // Regression test: the loss was not recorded, and later checks of the output were intact.
         let run = linkwatch(&["check", text(&output)]);
         assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
         assert!(run.stdout.contains("1 invalid frame ("), "{}", run.stdout);
     }
 }
 
-/// Regression test: pull-throughs were not searched for, as in a run that searched for none.
+/// Regression test: the copy was treated like the record of a run with `--events=off`.
 #[test]
 fn a_converted_recording_is_searched_for_pull_throughs() {
     let folder = TempDir::new().unwrap();

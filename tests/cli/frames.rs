@@ -217,8 +217,8 @@ fn files_with_several_frames_are_runs_of_their_own() {
     assert_eq!(convert(&["--one-motion"]).code, 0);
 }
 
-/// Regression test: the step over files that were not given was searched for pull-throughs, and
-/// nothing was said about their frames.
+/// Regression test: the step over a file that was not given was searched for pull-throughs, and the
+/// missing frames were not reported.
 #[test]
 fn a_missing_file_of_a_recorded_run_is_a_gap() {
     let folder = TempDir::new().unwrap();
@@ -292,7 +292,7 @@ fn strand(folder: &Path, name: &str, places: &[f64]) -> PathBuf {
     run_of(folder, name, (&[-4, 2], false), &frames)
 }
 
-/// Regression test: the first run decided that no run was searched for pull-throughs.
+/// Regression test: the first run decided whether all runs were searched for pull-throughs.
 #[test]
 fn each_run_is_searched_unless_its_own_first_frames_are_far_apart() {
     let folder = TempDir::new().unwrap();
@@ -325,7 +325,7 @@ fn each_run_is_searched_unless_its_own_first_frames_are_far_apart() {
     );
 }
 
-/// Regression test: open curves were verified, although no step was searched.
+/// Regression test: open curves counted as verified, although no step was searched.
 #[test]
 fn open_curves_are_not_verified_if_no_step_is_searched() {
     let folder = TempDir::new().unwrap();

@@ -38,7 +38,7 @@ fn with_streams(args: &[&str], stdout: Option<&str>, stderr: Option<&str>) -> Ru
     process.wait_with_output().unwrap().into()
 }
 
-/// Regression test: a panic with exit code 101 or 134, or exit code 2 as for bad input.
+/// Regression test: the command panicked (exit code 101 or 134), or returned 2 as for bad input.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_standard_output_loses_results_and_reports_it() {

@@ -127,7 +127,7 @@ fn an_intact_sequence_has_a_summary_and_a_single_model_has_none() {
     );
 }
 
-/// Regression test: `F1 F10 F11 F2` gave false pull-throughs.
+/// Regression test: in the order `F1 F10 F11 F2`, false pull-throughs were reported.
 #[test]
 fn numbered_models_are_verified_in_numerical_order() {
     let folder = TempDir::new().unwrap();
@@ -267,7 +267,7 @@ fn open_curves_are_verified_for_pull_throughs_and_reported_without() {
     );
 }
 
-/// Regression test: the open curve was said to be verified for pull-throughs.
+/// Regression test: the summary claimed that the open curve was verified for pull-throughs.
 #[test]
 fn an_open_curve_of_a_single_frame_is_not_verified() {
     let folder = TempDir::new().unwrap();
@@ -341,7 +341,7 @@ fn a_baseline_takes_the_number_of_an_undefined_pair_once() {
     assert!(run.stdout.contains("again.bcc: intact"), "{}", run.stdout);
 }
 
-/// Regression test: `error: edge: edge: unknown kind of file`.
+/// Regression test: the message was `error: edge: edge: unknown kind of file`.
 #[test]
 fn a_file_that_is_no_model_is_named_once() {
     let folder = TempDir::new().unwrap();
@@ -434,7 +434,7 @@ fn a_recorded_sequence_gives_the_same_verdicts_again() {
     assert_eq!(run.code, 2, "the recording exists");
 }
 
-/// Regression test: the compressed frames were left out, and the others were intact.
+/// Regression test: the compressed frames were skipped, and the others were intact.
 #[test]
 fn a_folder_with_compressed_models_is_refused() {
     let folder = TempDir::new().unwrap();

@@ -276,9 +276,9 @@ fn a_curve_that_appeared_in_a_rejected_frame_is_expected_from_the_next_one() {
     assert_eq!(report.verdict, Verdict::Changed);
 }
 
-/// Regression test: when the curves are described again, each is found to be closed or open anew. A
-/// ring that had been cut became an open curve, and the frame was intact without its linking
-/// numbers.
+/// Regression test: if curves are described again, each is decided anew to be closed or open. A
+/// ring that had been cut became an open curve, and the frame was intact although it lacked the
+/// linking numbers of the ring.
 #[test]
 fn a_curve_that_is_open_when_it_is_described_again_is_not_intact() {
     let square =
@@ -450,8 +450,8 @@ fn a_rejected_description_leaves_no_trace() {
     assert_eq!(verdicts[0][1], Verdict::Contact);
 }
 
-/// Regression test: the first frame that was received decided which curves are closed, also if it
-/// was rejected, and the second one was received before that.
+/// Regression test: the first received frame decided which curves are closed, even if it was
+/// rejected. The second frame was received before the rejection.
 #[test]
 fn a_rejected_first_frame_decides_nothing_for_a_frame_received_before() {
     let mut session = searching();
@@ -494,7 +494,7 @@ fn a_frame_without_curves_is_rejected() {
     );
 }
 
-/// Regression test: nothing compares these curves with the frames before, and they were intact.
+/// Regression test: these curves were intact, although no earlier frame has curves to compare with.
 #[test]
 fn curves_that_are_not_those_of_the_frame_before_are_undecided() {
     let pair = square_and_strand(0.5, 3.0);
@@ -546,7 +546,7 @@ fn curves_that_are_not_those_of_the_frame_before_are_undecided() {
     );
 }
 
-/// Regression test: after its state was saved, a session took other curves for the same.
+/// Regression test: a session that was resumed from a state took other curves for the same ones.
 #[test]
 fn a_resumed_session_rejects_other_curves_without_names() {
     let pair = square_and_strand(0.5, 3.0);

@@ -182,8 +182,8 @@ fn very_many_calm_sequences() {
     calm_sequences(2_000_000, 6000);
 }
 
-/// Regression test: incremental verification called a ring degenerate that was degenerate only in
-/// the reference frame, if little else moved.
+/// Regression test: a ring that was degenerate only in the reference frame was still reported as
+/// degenerate in later frames.
 #[test]
 fn a_loop_that_was_degenerate_in_the_reference_frame_recovers() {
     let scene: Scene = "chainmail:rows=6,columns=6".parse().unwrap();

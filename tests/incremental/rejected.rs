@@ -409,13 +409,13 @@ fn very_many_rejected_frames_leave_no_trace() {
     sequences(all("FROM", 1000)..all("TO", 101_000));
 }
 
-/// Regression test: strands that touched after a large motion had no clearance, and were not low.
+/// Regression test: strands that touched after a large motion had no clearance and gave no warning.
 #[test]
 fn strands_that_touch_after_a_large_motion_have_a_clearance() {
     sequences(11_640..11_680);
 }
 
-/// Regression test: a rejected frame that the simulator had accepted ended the violation before it.
+/// Regression test: a rejected frame that the simulator had accepted ended the current violation.
 #[test]
 fn the_frame_after_a_rejected_one_is_the_accepted_one() {
     let mut session = Session::new(SessionOptions::default()).unwrap();

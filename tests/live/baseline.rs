@@ -31,8 +31,7 @@ fn run_without_waiting(service: &str, before_the_end: impl FnOnce()) {
     assert!(last.abort, "{last}");
 }
 
-/// Regression test: the first frame that was verified came after the break, so that the run was
-/// intact.
+/// Regression test: the first verified frame came after the topology broke, and the run was intact.
 #[test]
 fn the_baseline_is_the_first_frame_whenever_the_watch_starts() {
     let folder = TempDir::new().unwrap();
@@ -62,7 +61,8 @@ fn the_baseline_is_the_first_frame_whenever_the_watch_starts() {
     }
 }
 
-/// Regression test: the straight step from the first frame to the newest one had a pull-through.
+/// Regression test: a pull-through was found on the straight path from the first frame to the
+/// newest one.
 #[test]
 fn a_watch_that_starts_late_knows_no_motion_before_it() {
     let folder = TempDir::new().unwrap();
@@ -236,8 +236,8 @@ fn an_accepted_state_is_the_new_baseline() {
     assert!(text.starts_with("Accepted: "), "{text}");
 }
 
-/// Regression test: the replay compared these frames with the baseline of the first frame, and a
-/// violation was intact.
+/// Regression test: the replay compared these frames with the baseline of the first frame, so that
+/// a violation was intact.
 #[test]
 fn a_replay_that_begins_later_expects_the_accepted_state() {
     let windows = [("window", ",window=0.01"), ("one window", ",window=100")];

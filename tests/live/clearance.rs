@@ -187,7 +187,7 @@ fn a_clearance_that_cannot_be_measured_makes_a_run_incomplete() {
     }
 }
 
-/// Regression test: radii that came later hid the frames that were not measured.
+/// Regression test: once radii were published, earlier frames without clearance were forgotten.
 #[test]
 fn a_clearance_that_can_be_measured_later_leaves_the_run_incomplete() {
     let folder = TempDir::new().unwrap();

@@ -154,7 +154,7 @@ fn names_time_steps_cuts_and_changes_of_curves_are_published() {
     assert_eq!(after.len(), 6);
 }
 
-/// Regression test: a straight step over frames that were left out had a pull-through.
+/// Regression test: a pull-through was found on the straight path over skipped frames.
 #[test]
 fn frames_around_a_gap_of_a_recording_are_not_joined() {
     let folder = TempDir::new().unwrap();
@@ -244,7 +244,8 @@ fn a_converted_model_is_published_as_one_frame() {
     assert_eq!(published.summary()["published"], 1);
 }
 
-/// Regression test: the watcher counted skipped frames, and rejected numbers that were far apart.
+/// Regression test: the watcher counted skipped frames, and rejected sequence numbers that were far
+/// apart.
 #[test]
 fn converted_frames_are_numbered_from_0() {
     let folder = TempDir::new().unwrap();

@@ -157,8 +157,7 @@ fn a_replay_keeps_the_policy_of_the_recording() {
     assert_eq!(replayed.summary()["rejected"], 2);
 }
 
-/// Regression test: each of these lost part of the recording, or left the wrong content under its
-/// name.
+/// Regression test: each of these commands lost part of the recording, or replaced its content.
 #[test]
 fn a_replay_overwrites_neither_its_input_nor_an_existing_file() {
     let folder = TempDir::new().unwrap();

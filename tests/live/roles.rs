@@ -285,8 +285,7 @@ fn an_observer_counts_the_frames_that_it_skips_in_lockstep() {
     assert_eq!(watch.end().summary()["verified"], 10);
 }
 
-/// Regression test: a watcher ended with an error if another one created the service at the same
-/// moment.
+/// Regression test: a watcher failed if another one created the service at the same time.
 #[test]
 fn a_watcher_and_an_observer_can_start_at_once() {
     let folder = TempDir::new().unwrap();

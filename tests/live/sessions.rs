@@ -219,7 +219,7 @@ pub fn tangle(curves: usize, segments: usize) -> Vec<f32> {
         .collect()
 }
 
-/// Regression test: the signal had no effect until the check had ended, here minutes later.
+/// Regression test: the signal had no effect before the check ended, minutes later.
 #[test]
 fn a_signal_ends_a_watch_in_the_middle_of_a_long_check() {
     const CURVES: usize = 400;

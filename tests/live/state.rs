@@ -198,7 +198,7 @@ fn without_a_change_the_exit_code_after_a_crash_is_3() {
     watches.assert_removed();
 }
 
-/// Regression test: a warning said that one curve alone was verified.
+/// Regression test: a warning claimed that only a single curve was verified.
 #[test]
 fn a_process_without_frames_knows_that_there_were_pairs() {
     let mut watches = Restarted::start("pairs", &[]);
@@ -319,7 +319,7 @@ fn the_frame_in_hand_is_skipped_if_a_signal_cancels_its_check() {
     assert!(!ended.stderr.contains("crashed"), "{}", ended.stderr);
 }
 
-/// Regression test: the second frame became the baseline without a word.
+/// Regression test: the second frame became the baseline without a warning.
 #[test]
 fn the_next_process_verifies_the_first_frame_if_a_signal_cancels_its_check() {
     let mut watches = Restarted::start("cancelled first", &EVENTS);
@@ -442,8 +442,8 @@ fn a_cut_while_nobody_watches_ends_what_is_unknown() {
     }
 }
 
-/// Regression test: the new watch took the accepted frame for one that it had, and compared with
-/// the newest one.
+/// Regression test: the new watch ignored that the frame was accepted, and compared with the newest
+/// baseline that it had.
 #[test]
 fn a_frame_accepted_while_nobody_watches_is_the_baseline() {
     for from_now in [false, true] {

@@ -32,8 +32,8 @@ impl Broken {
     }
 }
 
-/// Regression test: the watcher aborted (a log on a full disk), ended (standard output), or waited
-/// without limit (a pipe).
+/// Regression test: the watcher aborted (log on a full disk), ended (standard output), or waited
+/// forever (pipe).
 #[test]
 #[cfg(target_os = "linux")]
 fn no_broken_stream_stops_the_verdicts_or_the_recording() {

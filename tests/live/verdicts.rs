@@ -355,7 +355,8 @@ fn contact_in_the_first_frame_hides_no_later_finding() {
     assert_eq!(lines("is expected from here on"), 1, "{said}");
 }
 
-/// Regression test: the verdict was "intact" with exit code 0, for any share.
+/// Regression test: the verdict was "intact" with exit code 0, whatever share of frames was
+/// skipped.
 #[test]
 fn the_share_of_skipped_frames_is_reported_and_can_be_limited() {
     let folder = TempDir::new().unwrap();

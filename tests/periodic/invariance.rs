@@ -62,7 +62,7 @@ fn a_baseline_of_other_images_is_intact() {
     }
 }
 
-/// Regression test: after a first frame that is refused, the given baseline still holds.
+/// Regression test: a refused first frame replaced the given baseline.
 #[test]
 fn a_refused_first_frame_does_not_replace_the_baseline() {
     let scene = chain();

@@ -46,7 +46,8 @@ fn single(set: &CurveSet) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap()
 }
 
-/// Regression test: curves that a simulation moved back into the cell as a whole had "come apart".
+/// Regression test: links were reported as lost if a simulation moved a whole curve back into the
+/// cell.
 #[test]
 fn curves_that_jump_by_a_lattice_vector_are_followed_and_nothing_else_changes() {
     let (mut jumps, mut events, mut changed) = (0, 0, 0);
@@ -162,8 +163,8 @@ fn a_motion_is_taken_for_a_jump_only_near_a_whole_lattice_vector() {
     }
 }
 
-/// Regression test: the frame after a rejected guess was intact. It is compared with the last
-/// verified frame, so its image is a guess, too.
+/// Regression test: the frame after a rejected jump was intact. It is compared with the last
+/// verified frame, so its image is a guess as well.
 #[test]
 fn the_frame_after_a_guess_is_rejected_too() {
     for frame in &moved(6.4, Some(true))[1..] {
@@ -173,8 +174,8 @@ fn the_frame_after_a_guess_is_rejected_too() {
     }
 }
 
-/// Regression test: in process and live, torn curves were verified as they were, with links that
-/// came and went.
+/// Regression test: outside of `check`, torn curves were verified as given, with links that
+/// appeared and disappeared.
 #[test]
 fn curves_that_the_boundary_tears_are_refused_unless_they_are_unwrapped() {
     for strategy in [Strategy::Full, Strategy::Incremental] {
@@ -239,7 +240,8 @@ fn new_session(strategy: Strategy, events: Events) -> Session {
     Session::new(options).unwrap()
 }
 
-/// Regression test: the images kept the points of the frame before, and a lost link was "intact".
+/// Regression test: the images kept the points of the previous frame, and a lost link was not
+/// found.
 #[test]
 fn curves_of_other_sizes_are_verified_with_their_images() {
     for strategy in [Strategy::Full, Strategy::Incremental] {
@@ -270,7 +272,7 @@ fn curves_of_other_sizes_are_verified_with_their_images() {
     }
 }
 
-/// Regression test: the frame after the rejected one had "come apart".
+/// Regression test: in the frame after a rejected one, a jump was reported as a lost link.
 #[test]
 fn a_jump_is_followed_across_a_rejected_frame() {
     for events in [Events::Off, Events::Between] {
@@ -295,8 +297,8 @@ fn a_jump_is_followed_across_a_rejected_frame() {
     }
 }
 
-/// Regression test: curves that are followed have double precision, in which the rounded end of the
-/// yarn was too far from the image of its start.
+/// Regression test: translated curves have double precision, whose tolerance for the end of a yarn
+/// is smaller than the rounding errors of single precision.
 #[test]
 fn a_yarn_in_single_precision_stays_one_after_a_jump() {
     for jumps in [0, 1] {

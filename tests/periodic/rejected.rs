@@ -19,8 +19,8 @@ fn displaced(seq: u64, by: f64) -> Scene {
     scene
 }
 
-/// Regression test: the search of a step took the moved parts of a rejected frame for those of the
-/// frame before it, so that a ring that returned was not seen to pass through its neighbours.
+/// Regression test: the search of a step used the moved parts of a rejected frame, so that the
+/// passage of a ring that returned was missed.
 #[test]
 fn a_rejected_frame_hides_no_pull_through() {
     for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
@@ -49,8 +49,8 @@ fn a_rejected_frame_hides_no_pull_through() {
     }
 }
 
-/// Regression test: after the begin of another part, quiet frames were compared with the baseline
-/// before it.
+/// Regression test: in a new part of a run, quiet frames were compared with the baseline of the
+/// part before it.
 #[test]
 fn frames_of_another_part_are_compared_with_the_new_baseline() {
     for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {

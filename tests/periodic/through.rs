@@ -212,7 +212,7 @@ fn linking_numbers_of_splines_and_yarns_are_those_of_yarns_closed_by_hand() {
 }
 
 /// Regression test: in single precision, the end of a yarn was not recognised as the image of its
-/// start, and its lost link with a ring was intact.
+/// start, and its lost link with a ring was not found.
 #[test]
 fn a_yarn_in_single_precision_is_recognised_and_verified_as_in_double_precision() {
     let mut changed = 0;

@@ -70,8 +70,8 @@ fn findings(report: &Report) -> String {
     )
 }
 
-/// Regression test: in a cell that repeats in one or two directions, the change of the cell was
-/// multiplied with lengths, so that large units made a search of many images, or a rejected frame.
+/// Regression test: along axes that are not periodic, the change of the cell was multiplied by a
+/// length. Large units of length caused a search of many images, or the rejection of the frame.
 #[test]
 fn the_unit_of_length_changes_neither_a_finding_nor_the_work() {
     let mut changed = 0;

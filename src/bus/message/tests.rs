@@ -58,7 +58,7 @@ fn a_change_is_transmitted_with_its_place() {
     );
 }
 
-/// Regression test: the message named an old defect, and that of a knot alone had no reason.
+/// Regression test: the message named an old defect, and gave no reason if only a knot had changed.
 #[test]
 fn knots_do_not_shift_the_first_new_finding() {
     let mut r = report(Verdict::Changed);

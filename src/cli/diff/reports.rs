@@ -131,7 +131,7 @@ mod tests {
         assert_eq!(only_first.len(), 2);
     }
 
-    /// Regression test: they were equal.
+    /// Regression test: reports with such invariants compared as equal.
     #[test]
     fn invariants_of_other_curves_or_with_other_numbers_are_a_difference() {
         let of = |curves: &[u32], found: &str| {

@@ -224,7 +224,7 @@ fn a_data_file_is_periodic_unless_its_title_says_otherwise() {
     ] {
         assert_eq!(cell(title).unwrap(), slab, "{title}");
     }
-    // Regression test: these were no directions that repeat.
+    // Regression test: such boundaries were not read as periodic.
     for title in [
         "melt, periodic boundary conditions in LJ units",
         "boundary set by hand",

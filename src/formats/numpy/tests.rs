@@ -422,7 +422,7 @@ fn arrays_of_other_names_that_may_hold_points_are_counted() {
     ] {
         assert_eq!(left_out(name, descr, shape, values), [], "{name}");
     }
-    // Regression test: nothing said that such cells are not read.
+    // Regression test: such cells were ignored without a message.
     for (name, descr, shape, values) in [
         ("Box", "<f8", "(3, 3)", 72),
         ("box", "<i8", "(3,)", 24),

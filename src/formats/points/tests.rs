@@ -42,7 +42,7 @@ fn empty_lines_comments_and_labels_separate_curves() {
         "# z y x\n0 0 1\n0 0 2\n0 0 3\n\n0 0 4\n0 0 5\n",
         "5\n1 0 0\n2 0 0\n3 0 0\n\n4 0 0\n5 0 0\n",
         "1.0D+00 0d0 0\n2 0 0\n0.3D1 0 0\n\n4 0 0\n5 0 0\n",
-        // Regression test: points with no-break spaces were missing.
+        // Regression test: points with no-break spaces were skipped.
         "1 0 0\n2 0 0\n3\u{A0}0\u{A0}0\n\n4\u{202F}0\u{202F}0\n\u{A0}5 0 0\n",
     ] {
         assert_eq!(shape(text, Some(true)).unwrap(), expected, "{text}");
@@ -125,7 +125,7 @@ fn counts_begin_the_frames_of_a_motion() {
     }
 }
 
-/// Regression test: the frames after a bad line were missing.
+/// Regression test: the frames after a bad line were skipped.
 #[test]
 fn a_bad_line_of_a_frame_with_a_count_makes_that_frame_invalid() {
     let text = "3\n1 0 0\n2 0 0\n3 1 0\n3\n1 0 0\n2 nan 0\n3 1 0\n3\n4 0 0\n5 0 0\n6 1 0\n";
@@ -214,7 +214,7 @@ fn what_may_divide_or_lose_points_is_refused_with_the_line() {
         ("1 0 0\nl.0 2.0 3.0\n", "'l.0', expected a number"),
         ("C 1 0 0\nC 2 0 0\n", "line 1): 4 columns, expected 3"),
         ("1,,0\n", "'', expected a number"),
-        // Regression tests: these rows were taken for labels.
+        // Regression tests: these rows of numbers were skipped as labels.
         (
             "x,y,z\n1,0,0\n,,\n2,0,0\n",
             "line 3): 2 columns, expected 3",
@@ -255,7 +255,7 @@ fn what_may_divide_or_lose_points_is_refused_with_the_line() {
             "line 4): a point of curve 'a' after",
         ),
         ("x,y,z,r\n1,0,0\n", "line 2): 3 columns, expected 4"),
-        // Regression tests: these were taken for labels before x, y and z.
+        // Regression tests: these columns were read as labels before x, y and z.
         (
             "theta,r,z\n1,0,0\n2,0,0\n",
             "line 1): the columns 'theta,r,z': name the coordinates x, y and z",
@@ -272,7 +272,7 @@ fn what_may_divide_or_lose_points_is_refused_with_the_line() {
     assert!(frames("# nothing\n", Some(true), None).unwrap().is_empty());
 }
 
-/// Regression test: in Latin-1, a point with no-break spaces was missing.
+/// Regression test: in Latin-1, a point with no-break spaces was skipped.
 #[test]
 fn no_break_spaces_of_latin_1_separate_numbers() {
     let text = b"1 0 0\n2\xA00\xA00\n3 0 0\n";

@@ -303,7 +303,7 @@ fn frames_are_numbered_by_their_time_step_or_counted() {
     }
 }
 
-/// Regression test: such cells were ignored in silence.
+/// Regression test: such cells were ignored without a message.
 #[test]
 fn a_cell_in_another_form_is_left_out_unless_it_is_given() {
     let ipi = "# CELL(abcABC): 9.5 10 1e1 90 90 90 Step: 0 positions{angstrom} cell{angstrom}";

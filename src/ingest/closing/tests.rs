@@ -227,7 +227,8 @@ fn a_closed_curve_that_is_cut_later_is_an_error() {
     close(&mut closing, &[21], &cut, source).unwrap_err();
 }
 
-/// Regression test: an infinite distance of the ends was at most the infinite tolerance.
+/// Regression test: ends at an infinite distance counted as equal, because the tolerance was
+/// infinite as well.
 #[test]
 fn ends_do_not_meet_if_their_distance_overflows() {
     for far in [1e308, f64::INFINITY] {
@@ -415,7 +416,7 @@ fn the_closing_segment_is_compared_at_all_scales() {
     }
 }
 
-/// Regression test: a panic.
+/// Regression test: a closed curve without points caused a panic.
 #[test]
 fn a_closed_curve_without_points_is_left_to_be_rejected() {
     let square = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.];

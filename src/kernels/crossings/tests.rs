@@ -200,8 +200,8 @@ fn only_degenerate_links_need_exact_arithmetic() {
     assert!(lattices.filter(|&n| n > 0).count() > 50);
 }
 
-/// Regression test: sizes that leave lanes of the last group empty. Boxes with infinite bounds
-/// overlapped those.
+/// Regression test: with these sizes, lanes of the last group are empty. Boxes with infinite bounds
+/// overlapped these lanes.
 #[test]
 fn far_and_tiny_scales_do_not_change_the_result() {
     for n in [56, 250] {

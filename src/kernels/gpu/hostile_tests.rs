@@ -134,8 +134,8 @@ fn counts_three_segments_against_two_hundred_thousand() {
     counts_agree(&gpu, &set_of_all(&off, false));
 }
 
-/// Regression test: more pairs than one workgroup of Mesa's software adapter processes. It left its
-/// loops early, and a third of the links was lost.
+/// Regression test: a workgroup of Mesa's software adapter had more pairs than it can process. It
+/// left its loops early, and a third of the links was missing.
 #[test]
 #[ignore = "needs an adapter"]
 fn no_tile_of_a_million_pairs_is_lost() {
@@ -270,7 +270,7 @@ fn counting_does_not_wait_for_the_pool_under_the_lock() {
     });
 }
 
-/// Regression test: vertices were built while a calibration or a measurement held the lock.
+/// Regression test: the vertices were built under the lock that calibrations and measurements hold.
 #[test]
 #[ignore = "needs an adapter"]
 fn vertices_of_a_sum_are_not_built_under_the_lock() {

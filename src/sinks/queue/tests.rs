@@ -174,7 +174,7 @@ fn a_changed_frame_is_flushed_at_once() {
     queue.finish(LONG);
 }
 
-/// Regression test: the caller waited as long as the sink took no frame.
+/// Regression test: the caller waited as long as the sink accepted no frame.
 #[test]
 fn a_frozen_sink_delays_the_caller_once_and_for_a_limited_time() {
     let (sink, handle) = probe(None);

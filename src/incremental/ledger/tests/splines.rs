@@ -61,8 +61,8 @@ fn check(seeds: Range<u64>) {
     assert!(events > 20, "{events}");
 }
 
-/// Regression test: four chords of a segment have other passages than the spline. Two that cancel
-/// within a step were missed, and the frame was intact; others were invented.
+/// Regression test: the splines were replaced by four chords per segment, which have other
+/// passages. Two passages that cancel within a step were missed, and others were false.
 #[test]
 fn splines_have_the_passages_of_polylines_with_many_chords() {
     check(0..400);

@@ -26,8 +26,8 @@ fn hopf(n: u32) -> CurveSet {
     set(&[-(n as i32); 2], &both)
 }
 
-/// Regression test: the vector between points that touch is a rounding error, by which most of
-/// these contacts were no local minima.
+/// Regression test: the vector between touching points is a rounding error, and its direction
+/// excluded most of these contacts.
 #[test]
 fn vertices_that_were_computed_on_an_edge_touch_it() {
     let mut random = Random::new(5);
@@ -396,8 +396,9 @@ fn a_parabola_bends_to_half_its_parameter() {
     assert_eq!((bend.radius, bend.vertex, bend.t), (0.0, 1, 0.0));
 }
 
-/// Regression test: the radius was 0, because parts were divided until their differences had no
-/// digits left. The curve turns back within a fiftieth of its length, where it nearly stops.
+/// Regression test: the radius was 0, because parts were divided until the differences of their
+/// control points had no digits left. The curve turns back within a fiftieth of its length, where
+/// its derivative is nearly 0.
 #[test]
 fn a_sharp_bend_has_a_radius_and_a_bound() {
     let points = [

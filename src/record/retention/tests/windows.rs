@@ -64,7 +64,7 @@ fn a_window_has_the_frames_before_and_after_a_violation() {
     );
 }
 
-/// Regression test: the first baseline ended the window of the frame before it.
+/// Regression test: the record of the first baseline ended the window too early.
 #[test]
 fn a_window_of_a_rejected_first_frame_has_the_frames_after_it() {
     let folder = TempDir::new().unwrap();
@@ -105,7 +105,7 @@ fn a_violation_that_lasts_begins_one_window() {
     assert_eq!(content.unwrap().seqs(), expected);
 }
 
-/// Regression test: the frame of the second violation was missing.
+/// Regression test: the frame of the second violation was not recorded.
 #[test]
 fn curves_that_are_described_again_begin_new_violations() {
     let folder = TempDir::new().unwrap();
