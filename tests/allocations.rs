@@ -91,7 +91,7 @@ fn scene(text: &str) -> (String, CurveSet) {
     (text.to_owned(), scene.build().unwrap().curves)
 }
 
-/// Splines through one another, so close that their hulls overlap.
+/// Splines that intersect so closely that their hulls overlap.
 fn tangle(basis: Basis) -> (String, CurveSet) {
     let mut random = Random::new(7);
     let xyz: Vec<f32> = (0..3 * 8 * 60)
@@ -103,7 +103,7 @@ fn tangle(basis: Basis) -> (String, CurveSet) {
     (format!("tangle of {basis:?}"), set)
 }
 
-/// Returns the allocations of each call after those that warm up.
+/// Returns the number of allocations of each call after the warm-up.
 fn allocations(mut frame: impl FnMut()) -> [u64; COUNTED_RUNS] {
     let trace = std::env::var_os("LINKWATCH_TRACE_ALLOCATIONS").is_some();
     let mut count = || {
@@ -196,9 +196,9 @@ fn a_further_frame_allocates_nothing() {
 }
 
 /// The assignment of pairs to threads changes from frame to frame, and a thread holds its buffers
-/// while it computes a pair. So a buffer grows when its thread, after small pairs only, gets a
-/// large one, and a frame in which more tasks wait for others than ever before allocates buffers
-/// for one more. Both end after some frames.
+/// while it computes a pair. So a buffer grows if its thread, which had only small pairs before,
+/// gets a large one. If more tasks than ever before wait for others, an additional set of buffers
+/// is allocated. Both stop after some frames.
 #[test]
 fn nearly_all_further_frames_of_two_threads_allocate_nothing() {
     let _alone = alone();

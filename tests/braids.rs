@@ -160,7 +160,7 @@ fn moved(strands: &[Vec<Point>], turn: f64, length: f64) -> Vec<Vec<Point>> {
         // A quarter turn about x, and a shift.
         [x + 100.0, 3.0 - z, y - 40.0]
     };
-    // Long edges would cut corners.
+    // Long edges would pass through the strands, so they are divided.
     let fine = |c: &Vec<Point>| {
         let mut out = vec![c[0]];
         for e in c.windows(2) {
@@ -243,7 +243,7 @@ fn moved_ends_keep_the_certificate_and_a_pull_through_of_each_pair_changes_it() 
         let (word, _) = random_word(n, 2, &mut next);
         for i in 0..n {
             for j in i + 1..n {
-                // The word before and after: one crossing of the two strands has the other sign.
+                // The words differ by one crossing of the two strands, which has the opposite sign.
                 let w = winding(i, j);
                 let canceled: Word = {
                     let at = w.iter().rposition(|&g| g == i as i32 + 1).unwrap();
@@ -274,7 +274,7 @@ fn moved_ends_keep_the_certificate_and_a_pull_through_of_each_pair_changes_it() 
     }
 }
 
-/// Returns a straight braid with room between its curves, and a copy beside it.
+/// Returns a straight braid with wide gaps between its curves, and a copy beside it.
 fn two_braids() -> Vec<Vec<Point>> {
     let one = strands(4, &[1, 1, 3, 3]);
     let shifted = one
@@ -355,7 +355,7 @@ fn splines_and_polylines_have_the_same_certificate() {
     }
 }
 
-/// Verifies a straight braid of four curves, then the curves that `change` makes of it.
+/// Verifies a straight braid of four curves, and then the braid after `change`.
 fn after(change: impl FnOnce(&mut Vec<Vec<Point>>)) -> Report {
     let mut curves = strands(4, &[2, 2]);
     let mut session = new_session(Braids::Auto);
@@ -394,8 +394,8 @@ fn a_curve_that_enters_an_end_volume_is_undecided() {
     assert_undecided(&report, &["curve 1 enters the volume of the left end"]);
 }
 
-/// Two linked squares beside a braid come apart while a curve is in a volume of the braid. The
-/// certificate of the next frame is that of a run without the frame in between.
+/// Two linked squares beside a braid come apart while a curve is in the end volume of the braid.
+/// The certificate of the next frame equals that of a run without the frame in between.
 #[test]
 fn a_broken_braid_hides_no_change_of_closed_curves_and_adds_none() {
     let with_squares = |strands: &[Vec<Point>], apart: f64| {

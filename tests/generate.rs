@@ -61,7 +61,7 @@ fn a_generated_model_has_its_certificate() {
 fn reports_tests_decided_by_exact_arithmetic() {
     let folder = TempDir::new().unwrap();
     let model = folder.path().join("a.bcc");
-    // In axis planes, rings have vertices above one another; tilted rings do not.
+    // Rings in axis planes have vertices exactly above one another; tilted rings do not.
     for (scene, some) in [
         ("chainmail:rows=4,columns=5,tilt=0", true),
         ("chainmail:rows=4,columns=5", false),

@@ -1,11 +1,11 @@
-//! Commands and options of the pages, against the help of the command.
+//! Checks the commands and options in the pages of the book against the help of the command.
 
 use super::support::linkwatch;
 use super::{Page, book, pages};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Options of other programs and of examples in code spans.
+/// Options in code spans that belong to other programs or to examples.
 const FOREIGN: [&str; 9] = [
     "--",
     "--live",
@@ -18,9 +18,9 @@ const FOREIGN: [&str; 9] = [
     "--userns",
 ];
 
-/// The help of the command: its commands, and the options of each.
+/// The help of the command `linkwatch`: its subcommands, and the options of each.
 struct Help {
-    /// The options of each command. The command `""` has those before a command.
+    /// The options of each subcommand. Those before a subcommand are under `""`.
     options: BTreeMap<String, BTreeMap<String, Takes>>,
     /// The help texts of all commands.
     text: String,
@@ -64,7 +64,7 @@ impl Help {
         names.filter(|name| !name.is_empty()).collect()
     }
 
-    /// Returns why a command line is wrong, if it is. `words` begin after `linkwatch`.
+    /// Checks a command line. Returns its error, if it has one. `words` begin after `linkwatch`.
     fn problem(&self, words: &[&str]) -> Option<String> {
         let mut command = "";
         let mut takes = Takes::Nothing;
@@ -88,7 +88,7 @@ impl Help {
                 }
             }
             if !word.starts_with('-') || word == "-" {
-                // The first word, unless it stands for any command.
+                // Checks the first word, unless it is the placeholder of any command.
                 if command.is_empty() && word != "COMMAND" {
                     match self.options.get_key_value(word) {
                         Some((name, _)) => command = name,
@@ -133,7 +133,7 @@ fn options_of(help: &str) -> BTreeMap<String, Takes> {
         if !line.starts_with('-') {
             continue;
         }
-        // `-o, --output <FILE>  Write ..`; values that may be absent are in brackets.
+        // Format: `-o, --output <FILE>  Write ..`. Optional values are in brackets.
         let (names, _) = line.split_once("  ").unwrap_or((line, ""));
         let takes = match names.contains(" <") && !names.contains(" [<") {
             true if names.contains("[,..]") => Takes::Settings,
@@ -209,7 +209,7 @@ fn commands_and_options_exist() {
 #[test]
 fn options_in_the_text_exist() {
     let help = Help::read();
-    // The pages of the design also name options of the measurements.
+    // The design pages also use options of the measuring program.
     let mut pages = book();
     pages.retain(|page| !page.path.starts_with("docs/design"));
     pages.push(Page::read(Path::new("README.md")));

@@ -1,4 +1,4 @@
-//! The fields of `docs/reference/json.md`, against the output of the command.
+//! Checks the fields in `docs/reference/json.md` against the output of the command.
 
 use super::Page;
 use super::support::{command, linkwatch, text};
@@ -7,10 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Stdio;
 
-/// Objects that no scene here has.
+/// Objects that no scene of this test produces.
 const ABSENT: [&str; 1] = ["loop pair"];
 
-/// Objects that have the fields of this one, too.
+/// Object with these additional fields.
 const FRAME_OF_A_MODEL: &str = "frame of a model";
 const OF_A_MODEL: [&str; 6] = [
     "certified frame",
@@ -69,7 +69,7 @@ struct Field {
     optional: bool,
 }
 
-/// The objects of the page, and what the output had of them.
+/// The documented objects, and which of their fields occurred in the output.
 struct Schema {
     objects: BTreeMap<String, BTreeMap<String, Field>>,
     seen: BTreeSet<(String, String)>,

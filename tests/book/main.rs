@@ -1,5 +1,5 @@
-//! The README and the book in `docs`: pages, links, paths and code; commands and options; the
-//! schema of JSON.
+//! Checks the README and the book in `docs`: pages, links, paths and code; commands and options;
+//! the documented JSON.
 
 #[cfg(all(feature = "cli", feature = "rerun"))]
 mod commands;
@@ -86,7 +86,7 @@ impl Page {
 
     /// Returns the text of each code span, on one line.
     fn spans(&self) -> Vec<String> {
-        // A paragraph at a time, so that a backtick without its pair disturbs no other.
+        // Paragraph by paragraph, so that an unpaired backtick affects only its own paragraph.
         let paragraphs = self.prose.split("\n\n");
         let rows = paragraphs.flat_map(|p| match p.starts_with('|') {
             true => p.lines().collect::<Vec<_>>(),
@@ -142,8 +142,7 @@ fn book() -> Vec<Page> {
 
 const SUMMARY: &str = "SUMMARY.md";
 
-/// Returns the book and the pages beside it. The changelog is left out, because it tells of the
-/// past.
+/// Returns the book and the other pages, without the changelog, which describes earlier versions.
 fn pages() -> Vec<Page> {
     let beside = [
         "README.md",

@@ -205,8 +205,7 @@ fn a_killed_watcher_ends_a_lockstep_wait_long_before_its_deadline() {
     for round in 0..4 {
         until_verified(&mut client, &mut seq);
         if round % 2 == 1 {
-            // The watcher has been dead for a while when the simulator waits, not only from then
-            // on.
+            // The watcher stops some time before the simulator begins to wait.
             watcher.stop();
             publish(&mut client, seq);
             seq += 1;

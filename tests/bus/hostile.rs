@@ -207,7 +207,7 @@ fn an_unreadable_message_has_no_number() {
     publisher.send(|h, _| h.version += 1);
     let e = unreadable(&mut sidecar);
     assert!(matches!(e, Error::Version { found: 9, .. }), "{e}");
-    // A client of the layout before images in findings.
+    // An older client, whose findings have no images.
     publisher.send(|h, _| h.version = 6);
     assert_eq!(
         unreadable(&mut sidecar).to_string(),
@@ -218,8 +218,8 @@ fn an_unreadable_message_has_no_number() {
     assert_eq!(next_frame(&mut sidecar).seq(), seq);
 }
 
-/// Sends a frame with the number `seq`, between valid ones, and expects its rejection with these
-/// words.
+/// Sends an invalid frame with the number `seq` between valid ones, and expects that it is rejected
+/// with this text.
 fn expect_rejection(
     publisher: &mut HostilePublisher,
     sidecar: &mut Sidecar,
@@ -286,7 +286,7 @@ fn a_first_frame_with_a_hostile_number_is_rejected_too() {
     assert_eq!(sidecar.counters().skipped, 1);
 }
 
-/// A plausible number is accepted, until two later frames in a row contradict it.
+/// A plausible sequence number is accepted until the next two frames contradict it.
 #[test]
 fn a_jump_ahead_that_returns_costs_one_frame() {
     let name = service();
@@ -359,7 +359,7 @@ fn a_wrong_end_is_reported_and_not_counted() {
     }
 }
 
-/// A verdict on a frame that another program published does not count for the simulator.
+/// The simulator ignores a verdict on a frame that another program published.
 #[test]
 fn answers_to_frames_of_other_programs_do_not_reach_the_simulator() {
     let name = service();
@@ -380,7 +380,7 @@ fn answers_to_frames_of_other_programs_do_not_reach_the_simulator() {
     assert!(client.poll().unwrap().is_none());
     assert!(client.aborted().is_none());
     assert!(client.silent_for().is_some());
-    // They do not hide an abort of a frame of the simulator either.
+    // Such verdicts also do not hide an abort of a frame of the simulator.
     publish(&mut client, 1);
     let abort = report(&next_frame(&mut sidecar), Verdict::Changed);
     sidecar.send_verdict(&abort, Duration::ZERO).unwrap();

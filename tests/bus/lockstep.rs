@@ -1,4 +1,4 @@
-//! Waiting for verdicts, and only on request.
+//! Tests of clients and watchers that wait for each other.
 
 use super::*;
 use linkwatch::{Departure, MessageKind, Outcome, WaitMode};
@@ -41,7 +41,7 @@ fn each_frame_gets_its_verdict(simulator: WaitMode, watcher: WaitMode) {
     assert_eq!((published, counters.skipped), (200, 0));
 }
 
-/// The events of both sides are not read by a side that spins.
+/// A side that spins does not read its event notifications.
 #[test]
 fn a_spinning_client_keeps_its_deadlines_and_its_events() {
     let name = service();
@@ -59,7 +59,7 @@ fn a_spinning_client_keeps_its_deadlines_and_its_events() {
     let mut sidecar = sidecar(&name);
     let watcher = std::thread::spawn(move || watch_to_the_end(&mut sidecar, Duration::ZERO));
     assert!(client.wait_for_watcher(PATIENCE).unwrap());
-    // More verdicts than the buffer of a socket has room for events.
+    // More verdicts than notifications fit into the buffer of a socket.
     for seq in 1..2000 {
         publish(&mut client, seq);
         let outcome = client.wait(seq, PATIENCE).unwrap();
@@ -89,7 +89,7 @@ fn silence_is_stale_at_the_deadline() {
     publish(&mut client, 1);
     stale_after(&mut client, 1, Duration::from_millis(100));
     stale_after(&mut client, 1, Duration::ZERO);
-    // iceoryx2 treats less than a microsecond as no limit.
+    // iceoryx2 treats a limit below a microsecond as no limit.
     for nanos in (0..5000).step_by(50) {
         stale_after(&mut client, 1, Duration::from_nanos(nanos));
     }
@@ -269,7 +269,7 @@ fn a_goodbye_ends_a_wait_that_has_begun() {
         std::thread::sleep(Duration::from_millis(200));
         drop(sidecar);
     });
-    // The watcher never read the bus, so it leaves without knowing the session.
+    // The watcher left before it read the bus, so it does not know the session.
     assert_eq!(step(&mut client, 0), Outcome::NoWatcher(Departure::Goodbye));
     watcher.join().unwrap();
 }

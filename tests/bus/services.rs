@@ -114,7 +114,7 @@ fn a_process_killed_while_it_creates_a_service_stops_no_other() {
     let files = std::fs::read_dir("/dev/shm").unwrap().flatten();
     let is_its = |path: &std::path::PathBuf| path.to_string_lossy().ends_with(&end);
     let memory = files.map(|file| file.path()).find(is_its).unwrap();
-    // Its state between creation and the first size.
+    // The memory has size 0 between its creation and its first resize.
     std::fs::File::create(&memory).unwrap();
     let other = service();
     let done = std::thread::spawn(move || {
@@ -138,7 +138,7 @@ fn a_stopped_process_is_listed() {
     simulator.kill();
 }
 
-/// Names and patterns of linkwatch, but other types.
+/// Services with the names and the messaging patterns of linkwatch, but with other types.
 #[test]
 fn services_of_other_programs_are_ignored() {
     let name = service();

@@ -110,7 +110,7 @@ fn the_last_frame_is_always_verified() {
     );
 }
 
-/// Starts a watcher of a client that has published frames, and connects both.
+/// Starts a watcher after a client has published frames, and connects both.
 fn late_sidecar(name: &str, client: &mut Client) -> Sidecar {
     let sidecar = sidecar(name);
     assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
@@ -230,7 +230,7 @@ fn the_next_watcher_gets_a_frame_that_waited_behind_the_baseline() {
     assert_eq!(second.counters().skipped, 1);
 }
 
-/// The watcher is stopped at first, so that it reads everything at once.
+/// The watcher is stopped at first, so that it reads all messages at once.
 #[test]
 fn the_end_of_a_session_does_not_overtake_its_baseline() {
     for _ in 0..20 {
@@ -396,7 +396,7 @@ fn observers_receive_frames_and_send_nothing() {
     }
     assert!(client.poll().unwrap().is_none());
     assert!(client.silent_for().is_none());
-    // A watcher answers beside them, and their departure is not noticed.
+    // Another watcher answers, so that nobody notices that these left.
     let mut watcher = sidecar(&name);
     publish(&mut client, 1);
     new_session(&mut watcher);
@@ -426,7 +426,7 @@ fn rejects_more_than_four_watchers_and_observers() {
     drop(sidecar(&name));
 }
 
-/// A watcher may refuse to verify the frames of a simulator, and watch the next one.
+/// A watcher may refuse the frames of one simulator and watch the next one.
 #[test]
 fn a_watcher_that_leaves_a_session_ignores_the_rest_of_it() {
     let name = service();

@@ -38,8 +38,9 @@ pub fn write(folder: &Path, name: &str, cell: Option<&str>, frames: &[[Vec<Point
     path
 }
 
-/// Writes a ring that is longer than the cell and one that moves along it. In frame 2 the second
-/// ring leaves the first one and links with an image of it, from frame 5 on with none.
+/// Writes a ring that is longer than the cell and one that moves along it. From frame 2 on, the
+/// second ring is linked with an image of the first one instead of the ring itself; from frame 5
+/// on, with none.
 fn two_images(folder: &Path) -> PathBuf {
     let long = [
         [-1.5, -1.0, 0.0],

@@ -88,8 +88,8 @@ fn kernels_agree_and_report_how_pairs_were_decided() {
         assert_eq!(found["certificate"], expected["certificate"], "{kernel}");
         let of = |what: &str| found["ladder"][what].as_u64().unwrap();
         assert_eq!(of("summed") + of("counted"), pairs, "{kernel}");
-        // By the bound, all are proven. By a coarse beta, few are proven, and no wrong one is
-        // accepted.
+        // With the proven bound, all pairs are proven. With a coarse beta, few pairs are proven,
+        // and no wrong number is accepted.
         if more.is_empty() {
             assert_eq!(of("counted"), 0, "{kernel}");
         }
@@ -100,8 +100,8 @@ fn kernels_agree_and_report_how_pairs_were_decided() {
     assert_eq!(run.code, 2);
 }
 
-/// Two linked squares whose edges are 1 apart in the maximum norm keep their linking number below
-/// half of that. From there on the segments that may touch are named.
+/// Two linked squares whose edges are 1 apart in the maximum norm keep their linking number for
+/// noise below half of that. With more noise, the segments that may touch are named.
 #[test]
 fn noise_keeps_the_number_until_segments_may_touch() {
     let folder = TempDir::new().unwrap();

@@ -130,7 +130,7 @@ fn contact_is_reported_with_its_place_and_hides_no_other_pair() {
     assert!(written.contains("\n0,1,undefined\n"), "{written}");
 }
 
-/// A model of open curves only has nothing that could be intact.
+/// A model with only open curves has nothing that can be intact.
 #[test]
 fn a_model_of_open_curves_is_not_intact() {
     let folder = TempDir::new().unwrap();
@@ -141,7 +141,7 @@ fn a_model_of_open_curves_is_not_intact() {
     let run = linkwatch(&["check", text(&path), "--baseline", text(&certificate)]);
     assert_eq!((run.code, run.stdout.as_str()), (2, ""));
     assert!(run.stderr.contains("nothing to verify"), "{}", run.stderr);
-    // Nor has one frame a motion that could be searched.
+    // A single frame also has no motion that could be searched.
     let run = linkwatch(&[
         "check",
         text(&path),
@@ -196,7 +196,7 @@ fn json_has_paths_that_are_not_utf8() {
     }
 }
 
-/// A frame that cannot be read hides no verdict on the others.
+/// A frame that cannot be read does not prevent the verdicts on the others.
 #[test]
 fn check_continues_after_a_model_that_cannot_be_read() {
     let folder = TempDir::new().unwrap();
@@ -430,8 +430,8 @@ fn check_verifies_each_file_in_a_process_of_its_own() {
     );
     assert_eq!(lines().len(), 3);
 
-    // The run that failed is verified again, and a line that was cut is ignored. The exit code is
-    // that of all runs.
+    // The failed run is verified again, and a truncated line is ignored. The exit code is that of
+    // all runs together.
     std::fs::remove_file(&wrong).unwrap();
     generate(&wrong, "3,diameter=0.2");
     let mut file = OpenOptions::new().append(true).open(&out).unwrap();
@@ -449,7 +449,7 @@ fn check_verifies_each_file_in_a_process_of_its_own() {
     let last = &found.last().unwrap().1;
     assert_eq!((found.len(), &last["code"]), (4, &Value::from(0)), "{last}");
 
-    // A file that changed is verified again, as are all with other options.
+    // Files that changed are verified again. So are all files if the options changed.
     std::fs::copy(&broken, &whole).unwrap();
     let run = linkwatch(&[&each[..], &["--resume"], &files].concat());
     assert!(run.stderr.contains("1 intact, 2 changed") && run.stderr.contains("1 verified now"));
@@ -628,7 +628,7 @@ fn molecules_are_the_same_curves_in_any_order_of_a_file() {
     // Molecule 2 leaves 1 and joins 7.
     let [a2, b2, c2] = rings(2.0);
     let moved = [xyz(0, &rings(0.0)), xyz(1, &[c2, b2, a2])];
-    // Another molecule is there instead of 7.
+    // In the second file, another molecule takes the place of molecule 7.
     let other = [xyz(0, &rings(0.0)), xyz(1, &[a, b, (8, c.1)])];
     for (name, frames, code) in [("same", same, 0), ("moved", moved, 1), ("other", other, 3)] {
         let file = folder.path().join(format!("{name}.xyz"));

@@ -284,10 +284,10 @@ fn a_conversion_that_fails_leaves_no_file_and_names_the_output() {
     std::fs::write(&ring, "VECT\n1 3 0\n-3\n0\n0.1 0 0 1 0 0 0 1 0\n").unwrap();
     let before = files_in(folder.path());
     for (inputs, out, why) in [
-        // Other curves in the second frame.
+        // The curves of the second frame differ from those of the first one.
         ([&frames[0], &ring], "out.npy", "curve"),
         ([&frames[0], &ring], "out.npz", "curve"),
-        // 0.1 has no single precision.
+        // 0.1 cannot be represented in single precision.
         (
             [&ring, &frames[0]],
             "out.bcc",

@@ -168,7 +168,7 @@ fn one_knot_alone_is_compared() {
     assert_eq!(linkwatch(&check).code, 3);
 }
 
-/// Checks a model with these options: it is incomplete for this reason.
+/// Checks a model with these options. The result must be incomplete, for this reason.
 fn undecided(model: &Path, more: &[&str], said: &str) {
     let check = ["check", text(model), "--closed"];
     let run = linkwatch(&[&check[..], more].concat());
@@ -209,7 +209,7 @@ fn the_knot_of_a_yarn_through_a_cell_is_not_verified() {
     undecided(&model, &more, said);
 }
 
-/// The numbers say that a knot changed in a step, not when.
+/// A changed invariant shows that a knot changed in a step, but not at what fraction of the step.
 #[test]
 fn no_part_of_a_step_is_safe_if_only_a_knot_changed() {
     let folder = TempDir::new().unwrap();

@@ -8,8 +8,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Writes two squares. The second one is linked with the first one in frames of a shift of 0, and
-/// not in those of a shift of 5.
+/// Writes one frame of two squares for each shift. They are linked at a shift of 0, and apart at 5.
 fn squares(folder: &Path, name: &str, shifts: &[f64]) -> PathBuf {
     let frame = |&shift: &f64| {
         let ring = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
@@ -56,7 +55,7 @@ fn each_frame_is_a_line_with_its_number_and_time() {
         run.stdout
     );
     assert!(run.stdout.contains(", frame 2 at 1 s: thickness "));
-    // A line a curve.
+    // One line per curve.
     let run = linkwatch(&["measure", "writhe", name]);
     assert_eq!(
         (run.code, run.stdout.lines().count()),
@@ -85,7 +84,7 @@ fn frames_are_chosen_by_number_by_range_and_from_the_end() {
     let folder = TempDir::new().unwrap();
     let model = squares(folder.path(), "run.npz", &[0.0, 0.1, 5.0, 6.0]);
     let name = text(&model);
-    // One frame is printed as that of a file with one.
+    // A single frame is printed like the frame of a file with one frame.
     let one = linkwatch(&["certify", name, "--frame", "2"]);
     assert_eq!((one.code, one.stdout.as_str()), (0, "2 # lines: 0\n"));
     let frames = |selection: &str| {
@@ -338,7 +337,8 @@ fn open_curves_are_not_verified_if_no_step_is_searched() {
     assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
     let says = "because no step was searched";
     assert!(run.stdout.contains(says), "{}", run.stdout);
-    // Another run is no reason, nor is the next file of a recording that leaves frames out.
+    // A step of another run does not count. There is also no step to the next file of a recording
+    // that skips frames.
     let frame = |k: f64| [&SQUARE[..], &[[1.5 * k, 0.2, -1.0], [1.5 * k, 0.1, 1.0]]].concat();
     let frames = [0.0, 1.0, 2.0].map(frame);
     let cuts = run_of(folder.path(), "cuts.npz", (&[-4, 2], true), &frames);

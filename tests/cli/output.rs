@@ -5,7 +5,7 @@ use crate::support::command::{Run, command, linkwatch, text};
 use std::path::Path;
 use tempfile::TempDir;
 
-/// A reader that closes the pipe does not turn a change into a success.
+/// A closed pipe does not change the exit code from changed to success.
 #[test]
 fn a_closed_pipe_keeps_the_exit_code() {
     let folder = TempDir::new().unwrap();
@@ -21,7 +21,7 @@ fn a_closed_pipe_keeps_the_exit_code() {
     assert_eq!(process.wait().unwrap().code(), Some(1));
 }
 
-/// Runs the command with other streams than [`linkwatch`] does.
+/// Runs the command with streams that are not pipes.
 #[cfg(target_os = "linux")]
 fn with_streams(args: &[&str], stdout: Option<&str>, stderr: Option<&str>) -> Run {
     use std::process::Stdio;
@@ -196,7 +196,8 @@ fn text_may_be_written_to_devices_and_to_standard_output() {
     assert_eq!(written, format!("before\n{expected}"));
 }
 
-/// The model does not exist either: the output is checked first, because certifying may take hours.
+/// The model does not exist either. The output is checked first, because a certificate may take
+/// hours.
 #[test]
 fn an_invalid_output_is_reported_before_the_work() {
     for args in [

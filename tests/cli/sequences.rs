@@ -185,7 +185,7 @@ fn a_model_with_invalid_content_is_a_rejected_frame() {
             run.stdout
         );
     }
-    // Other curves than before are rejected, too.
+    // A frame with other curves than before is rejected as well.
     let xyz: Vec<f32> = rings(0.0, 1.0)[..60].iter().map(|&x| x as f32).collect();
     let set = CurveSet::from_counts(Basis::Polyline, &[-20], Positions::F32(&xyz)).unwrap();
     formats::write_bcc(Path::new(&models[1]), &set).unwrap();
@@ -317,7 +317,7 @@ fn a_baseline_takes_the_number_of_an_undefined_pair_once() {
         .collect();
         linkwatch(&args)
     };
-    // A pair that stays undefined is no change, but no proof either.
+    // A pair that stays undefined is not a change, but proves nothing.
     let run = check(&[&touching, &touching]);
     assert_eq!(run.code, 3, "{}", run.stdout);
     assert_eq!(
@@ -375,7 +375,7 @@ fn the_error_of_a_model_as_a_certificate_says_so() {
     assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
 }
 
-/// Curves in a periodic cell with wrapped coordinates seem intact, but are not verified.
+/// A curve with wrapped coordinates may look intact, although it is not verified correctly.
 #[test]
 fn warns_once_of_a_segment_longer_than_half_the_scene() {
     let folder = TempDir::new().unwrap();

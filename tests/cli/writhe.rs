@@ -31,7 +31,7 @@ fn integrals_of_open_curves_are_printed_with_their_bounds() {
         (found.len(), &found[0]["i"], &found[0]["j"]),
         (1, &0.into(), &1.into())
     );
-    // The solid angle of one side of a cube, by 4 pi.
+    // The solid angle of one face of a cube, divided by 4 pi.
     let [value, bound] = ["integral", "bound"].map(|key| found[0][key].as_f64().unwrap());
     assert!(
         (value.abs() - 1.0 / 6.0).abs() <= bound && bound < 1e-12,

@@ -2,7 +2,7 @@
 
 use super::support::random::Random;
 
-/// Numbers that overflow something.
+/// Numbers that overflow if a reader computes with them unchecked.
 const HUGE: [u64; 6] = [
     u64::MAX,
     1 << 63,

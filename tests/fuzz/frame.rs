@@ -5,17 +5,17 @@ use super::support::raw_bus::Header;
 
 /// Half the side of a ring.
 const HALF: f64 = 12.0;
-/// Points of each side of a ring for which all bases give linked curves.
+/// Numbers of points per side of a ring with which neighbours are linked, for each basis.
 const SIDES: [&[usize]; 4] = [&[1, 2, 3, 4, 6], &[2, 3, 4, 6], &[2, 3, 4, 6], &[3, 6]];
 
-/// A frame as it is sent.
+/// Header and payload of a frame.
 #[derive(Clone)]
 pub struct Frame {
     pub header: Header,
     pub payload: Vec<u8>,
 }
 
-/// The meaning of a frame.
+/// Content of a frame, from which its bytes are made.
 #[derive(Clone)]
 pub struct Scene {
     /// Code of the basis.
@@ -74,7 +74,7 @@ impl Scene {
         }
     }
 
-    /// Returns the scene with each curve displaced a little: all links stay.
+    /// Returns the scene with each curve displaced a little, so that all links remain.
     pub fn moved(&self, random: &mut Random) -> Scene {
         let mut scene = self.clone();
         for curve in &mut scene.curves {
@@ -153,7 +153,8 @@ impl Loop {
     }
 }
 
-/// Returns ring `k` of the chain: each one passes through the next one, in the other plane.
+/// Returns ring `k` of the chain. Each ring passes through the next one, which lies in the other
+/// plane.
 fn ring(k: usize, side: usize) -> Vec<[f64; 3]> {
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     let center = 1.5 * HALF * k as f64;

@@ -1,7 +1,7 @@
-//! Frames through the bus to a watcher, as `linkwatch watch` verifies them: sent by a publisher of
-//! its own, received by the crate's [`Sidecar`], checked, verified and answered.
+//! Frames that a raw publisher sends through the bus to a watcher. The watcher receives them by the
+//! crate's [`Sidecar`], checks, verifies and answers them, like `linkwatch watch`.
 //!
-//! After each mutated frame comes a valid one, which must get its verdict.
+//! Each mutated frame is followed by a valid one, which must get its verdict.
 
 use super::frame::{Frame, Scene};
 use super::memory::peak;
@@ -19,21 +19,21 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Limit of the watcher, in bytes of a frame.
+/// Maximum size of a frame that the watcher accepts, in bytes.
 const CAP: usize = 1 << 15;
 
-/// Maximum number of bytes that the watcher may allocate for one frame, for each byte of the limit:
-/// curves of few points take this much for the copy, the arrays, the hierarchy and the reference
-/// frame.
+/// Maximum number of bytes that the watcher may allocate for one frame, per byte of [`CAP`]. Curves
+/// of few points need this much for the copy, the arrays, the hierarchy and the reference frame.
 const MEMORY: usize = 64;
 
-/// Maximum number of bytes for one frame of splines: two that nearly touch are halved many times.
+/// Maximum number of bytes for one frame of splines, because two that nearly touch are split many
+/// times.
 const SPLINES: usize = 64 << 20;
 
-/// Frames of a session, half of them mutated.
+/// Number of frames of a session, half of which are mutated.
 const SESSION: u64 = 200;
 
-/// What a watcher did with a message.
+/// Reaction of a watcher to a message.
 enum Answer {
     Report(Box<Report>, Option<Arc<CurveSet>>),
     Unreadable(String),
@@ -41,7 +41,7 @@ enum Answer {
     Other,
 }
 
-/// A watcher of the crate's parts, without command and sinks.
+/// A watcher built from the parts of the crate, without the command and its sinks.
 struct Watcher {
     sidecar: Sidecar,
     options: SessionOptions,
@@ -105,14 +105,14 @@ impl Watcher {
     }
 }
 
-/// A simulator that sends valid and mutated frames, and what must become of them.
+/// A simulator that sends valid and mutated frames, and checks the reaction of the watcher to each.
 struct Fuzzer<'a> {
     simulator: &'a RawSimulator,
     watcher: &'a mut Watcher,
     changes: &'a [&'a [ByteChange]],
     known: Known,
     scene: Scene,
-    /// Number of the layout, and the largest one that any frame claimed.
+    /// Layout number of the frames, and the largest one that any frame claimed.
     layout: u32,
     largest_layout: u32,
     cuts: u32,
@@ -123,7 +123,7 @@ struct Fuzzer<'a> {
     tally: Tally,
 }
 
-/// Number of mutated frames by what became of them.
+/// Numbers of mutated frames by the reaction of the watcher.
 #[derive(Default, Debug)]
 struct Tally {
     rejected: u64,
@@ -215,7 +215,7 @@ impl Fuzzer<'_> {
         self.tally.good += 1;
     }
 
-    /// Sends a mutated frame and checks what becomes of it. Returns false if the session is over.
+    /// Sends a mutated frame and checks the reaction. Returns false if the session is over.
     fn mutated(&mut self, random: &mut Random, names: &mut Vec<&'static str>) -> bool {
         let mut curves = self.scene.clone();
         let mut layout = self.layout;
@@ -274,7 +274,7 @@ impl Fuzzer<'_> {
                 );
                 let why = report.rejected.as_deref().unwrap_or("");
                 assert_names(&reasons, why, names);
-                // Only the positions lack something: the curves of the frame have taken effect.
+                // Only the positions are incomplete, so the curves of the frame have become known.
                 if why.starts_with("nothing to verify") {
                     return false;
                 }
@@ -283,7 +283,7 @@ impl Fuzzer<'_> {
                 self.tally.accepted += 1;
                 assert_ne!(report.verdict, Verdict::Rejected, "{names:?}");
                 let changed = layout != self.layout;
-                // Without an earlier frame, this one is the baseline.
+                // If there was no earlier frame, this one is the baseline.
                 let steps =
                     self.watcher.options.events != Events::Off || self.known.verified.is_none();
                 match effect {
@@ -305,7 +305,7 @@ impl Fuzzer<'_> {
                     Effect::Unknown if changed => {}
                     Effect::Unknown => self.compare(&report, &set, names),
                 }
-                // The later frames of the session have the scene, without changed bytes.
+                // Later frames of the session have the changed scene, but not the changed bytes.
                 let other = effect != Effect::None || steps || names.len() > described;
                 if changed && other || self.known.verified.is_none() {
                     return false;
@@ -316,7 +316,8 @@ impl Fuzzer<'_> {
                 }
                 self.known.verified = Some((layout, fixed));
             }
-            // The watch ends a session in which no curve is closed, unless it searches the steps.
+            // Without a search for pull-throughs, the watch ends a session in which no curve is
+            // closed.
             (Expected::Accepted(fixed), Answer::Report(report, None))
                 if fixed.counts.iter().all(|&count| count > 0)
                     && self.watcher.options.events == Events::Off =>
@@ -326,7 +327,7 @@ impl Fuzzer<'_> {
                 assert!(why.starts_with("nothing to verify"), "{names:?}: {why}");
                 return false;
             }
-            // The number of an end may be impossible.
+            // The end of a session may have an impossible sequence number.
             (Expected::Signal, Answer::Other | Answer::Unreadable(_)) => {
                 self.tally.signals += 1;
                 return header.flags & Header::END == 0;
@@ -347,7 +348,7 @@ impl Fuzzer<'_> {
                 panic!("{names:?}: expected {expected}, the answer is {answer}; {header:?}");
             }
         }
-        // A number from which on all later ones are impossible.
+        // After such a number, no later number is possible.
         self.known.seq.is_none_or(|seq| seq < 1 << 50)
     }
 
@@ -369,7 +370,7 @@ impl Fuzzer<'_> {
     }
 }
 
-/// Checks that a reason names a number that lies.
+/// Checks that the message of a rejection contains one of the wrong numbers.
 fn assert_names(reasons: &[Reason], why: &str, names: &[&str]) {
     let named = |reason: &Reason| reason.iter().all(|word| why.contains(word.as_str()));
     assert!(
@@ -459,8 +460,8 @@ struct Address(*mut u8);
 // SAFETY: the memory stays mapped while the simulator lives, and is written to by one thread only.
 unsafe impl Send for Address {}
 
-/// A payload that a thread overwrites while it is read. Whatever the watcher decides, it decides
-/// from its copy: it does not panic, and the next frame is verified.
+/// A payload that a thread overwrites while the watcher reads it. The watcher decides from its copy
+/// only: it does not panic, and the next frame is verified.
 #[test]
 fn values_that_change_after_they_were_sent() {
     let name = service();

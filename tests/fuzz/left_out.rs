@@ -1,5 +1,5 @@
-//! Files with known numbers of curves and of other elements: every element that may be a curve is
-//! read, or counted as left out, or the file is refused.
+//! Files with known numbers of curves and of other elements. Every element that may be a curve must
+//! be read, or counted as skipped, or the file must be refused.
 
 use super::support::random::Random;
 use super::units;
@@ -7,17 +7,17 @@ use linkwatch::formats::{Frames, ModelFrame, ReadOptions};
 use std::fmt::Write;
 use tempfile::TempDir;
 
-/// Text of a file, and the numbers of curves that a reader must read and leave out.
+/// Text of a file, and the numbers of curves that a reader must read and skip.
 struct Given {
     name: &'static str,
     text: String,
     read: usize,
     left_out: u64,
-    /// True if the reader may refuse the file in place.
+    /// True if the reader may also refuse the file.
     refused: bool,
 }
 
-/// Returns a number from 2 to 6 of points, whose first coordinates differ from `first` on.
+/// Returns 2 to 6 points, with first coordinates `first`, `first + 1`, and so on.
 fn points(random: &mut Random, first: usize) -> Vec<String> {
     let n = 4 + random.below(4_usize);
     let at = |k: usize| format!("{} {} {}", first + k, k * k % 5, random.below(9));

@@ -1,5 +1,5 @@
-//! Hostile and broken input: a seeded generator starts from valid input, applies named mutations,
-//! and an oracle that is written from `docs/reference/bus.md` says what must happen.
+//! Hostile and broken input. A seeded generator applies named mutations to valid input. An oracle,
+//! written from `docs/reference/bus.md`, predicts the reaction.
 //!
 //! | target | input |
 //! |---|---|

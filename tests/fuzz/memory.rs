@@ -11,8 +11,8 @@ static ALLOCATOR: Counting = Counting;
 struct Counting;
 
 thread_local! {
-    /// Bytes allocated less bytes freed by this thread. Another thread may free them, so that only
-    /// differences over a short piece of work have a meaning.
+    /// Bytes allocated minus bytes freed by this thread. Another thread may free them, so only
+    /// differences over a short time are meaningful.
     static HELD: Cell<isize> = const { Cell::new(0) };
     /// Maximum of `HELD`.
     static PEAK: Cell<isize> = const { Cell::new(0) };
@@ -52,7 +52,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn realloc(&self, old: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // Both blocks may exist at once.
+        // During the call, both blocks may exist.
         Counting::add(size as isize);
         Counting::add(-(layout.size() as isize));
         // SAFETY: as above.

@@ -5,7 +5,7 @@ use super::support::raw_bus::{Header, Message, RawWatcher};
 use super::{service, units};
 use linkwatch::{Basis, Client, ClientOptions, Positions, Precision};
 
-/// Numbers that no message should hold.
+/// Numbers that no valid message contains.
 const HUGE: [u64; 5] = [u64::MAX, 1 << 63, u32::MAX as u64, 256, 193];
 
 fn valid(session: u64, seq: u64) -> Message {
@@ -53,7 +53,7 @@ fn valid(session: u64, seq: u64) -> Message {
     }
 }
 
-/// Returns the session of a client, which only its debug form has.
+/// Returns the session of a client, which is visible only in its debug output.
 fn session(client: &Client) -> u64 {
     let text = format!("{client:?}");
     let (_, rest) = text.split_once("session: ").expect("a session");
@@ -107,7 +107,7 @@ fn messages_of_a_watcher() {
         match client.poll() {
             Ok(Some(message)) => {
                 read += 1;
-                // Whatever the bytes are, the message can be printed.
+                // Any message can be printed, whatever its bytes are.
                 let _ = format!("{message} {message:?}");
             }
             Ok(None) => ignored += 1,

@@ -27,7 +27,7 @@ fn read_frames(file: &Path, options: &ReadOptions) -> Result<()> {
 /// Valid files of all formats.
 struct Corpus {
     folder: TempDir,
-    /// Name, content, and how it is read.
+    /// For each file: its name, its content, and the options to read it.
     files: Vec<(&'static str, Vec<u8>, ReadOptions)>,
 }
 

@@ -5,22 +5,22 @@ use super::support::random::Random;
 use super::support::raw_bus::Header;
 use linkwatch::Verdict;
 
-/// What a change does to the verdict of a frame that stays valid.
+/// Effect of a change on the verdict of a frame that stays valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
     /// The verdict is that of the frame before the change.
     None,
-    /// The verdict is this one.
+    /// The verdict becomes this one.
     Verdict(Verdict),
-    /// The verdict is that of a full run on the changed values.
+    /// The verdict becomes that of a full run on the changed values.
     Unknown,
 }
 
-/// A change of the meaning of a frame, and its effect. It makes a valid frame if the watcher is
-/// told about other curves (`layout`), and a lie if it is not.
+/// A change of the content of a frame, and its effect. The frame stays valid if it announces other
+/// curves by a new `layout`; otherwise it contradicts the layout.
 pub type SceneChange = (&'static str, fn(&mut Scene, &mut Random) -> Effect);
 
-/// A change of the bytes of a frame, and its effect if the frame stays valid.
+/// A change of the bytes of a frame, and its effect on the verdict if the frame stays valid.
 pub type ByteChange = (&'static str, fn(&mut Frame, &mut Random) -> Effect);
 
 /// Numbers that overflow something.
@@ -37,7 +37,7 @@ const HUGE: [u64; 10] = [
     1 << 31,
 ];
 
-/// Returns the effect of a change of all links of a ring.
+/// Returns the effect of a change of all links of ring `ring`.
 fn changes_links(scene: &Scene, ring: usize) -> Effect {
     match scene.is_linked(ring) {
         true => Effect::Verdict(Verdict::Changed),
@@ -45,7 +45,7 @@ fn changes_links(scene: &Scene, ring: usize) -> Effect {
     }
 }
 
-/// Other positions of the same curves.
+/// Changes of positions; the curves stay the same.
 pub const SHAPES: &[SceneChange] = &[
     ("a ring far from its neighbours", |scene, random| {
         let i = random.pick(&scene.rings());
@@ -103,7 +103,7 @@ pub const SHAPES: &[SceneChange] = &[
     }),
 ];
 
-/// Other curves.
+/// Changes of the curves.
 pub const CURVES: &[SceneChange] = &[
     ("two curves in the other order", |scene, random| {
         let n = scene.curves.len();
@@ -128,7 +128,7 @@ pub const CURVES: &[SceneChange] = &[
         for (curve, name) in scene.curves.iter_mut().zip(names) {
             curve.name = name;
         }
-        // Other curves are linked under the same names, unless the chain is symmetric.
+        // The names then belong to other curves with other links, unless the chain is symmetric.
         Effect::Unknown
     }),
     ("another radius", |scene, random| {
@@ -160,7 +160,7 @@ pub const CURVES: &[SceneChange] = &[
     }),
 ];
 
-/// Lies of the header.
+/// Wrong values in the header.
 pub const HEADER: &[ByteChange] = &[
     ("magic", |f, r| {
         f.header.magic ^= 1 << r.below(64);
@@ -254,7 +254,7 @@ pub const HEADER: &[ByteChange] = &[
         Effect::Unknown
     }),
     ("points of the other precision", |f, _| {
-        // The length stays right: twice the points in half the bytes, or the reverse.
+        // The length stays consistent: twice the points with half the bytes each, or the reverse.
         let single = f.header.coordinate_bytes == 4;
         f.header.coordinate_bytes = if single { 8 } else { 4 };
         f.header.n_points = if single {
@@ -298,7 +298,7 @@ pub const HEADER: &[ByteChange] = &[
     }),
 ];
 
-/// Lies of the parts before the positions.
+/// Wrong values in the parts before the positions.
 pub const LAYOUT: &[ByteChange] = &[
     ("a count", |f, r| {
         let values = [0, 1, -1, 2, -2, -3, i32::MIN, i32::MIN + 1, i32::MAX];
@@ -314,7 +314,7 @@ pub const LAYOUT: &[ByteChange] = &[
         Effect::Unknown
     }),
     ("an end that goes back", |f, r| {
-        // One curve takes points of another one; the sum stays, modulo 2^32 at least.
+        // One curve takes points of another one, so the sum stays the same, at least modulo 2^32.
         let by = r.pick(&[1, 3, i32::MAX, 1 << 30]);
         with_count(f, r, |_, count| count.wrapping_add(by));
         with_count(f, r, |_, count| count.wrapping_sub(by));
@@ -407,7 +407,7 @@ pub const LAYOUT: &[ByteChange] = &[
     }),
 ];
 
-/// Lies of the payload.
+/// Wrong values in the payload.
 pub const PAYLOAD: &[ByteChange] = &[
     ("truncated", |f, r| {
         let n = f.payload.len();
@@ -525,7 +525,7 @@ fn names(f: &Frame) -> (usize, usize) {
     (start, (f.header.names_bytes as usize).min(left))
 }
 
-/// Replaces the names by others; lengths stay consistent.
+/// Replaces the names by others. Lengths stay consistent.
 fn replace_names(f: &mut Frame, change: impl FnOnce(&mut Vec<Vec<u8>>)) {
     let (start, n) = names(f);
     if n == 0 {

@@ -1,5 +1,5 @@
-//! Oracle of frames that keep or break the contract. Written from `docs/reference/bus.md` alone; it
-//! shares no code with the crate.
+//! Oracle for frames that follow or break the protocol. Written from `docs/reference/bus.md` alone;
+//! it shares no code with the crate.
 
 use super::frame::Frame;
 use super::support::raw_bus::Header;
@@ -8,17 +8,17 @@ use std::collections::HashSet;
 /// Largest coordinate of a spline.
 const SPLINE_LIMIT: f64 = 2.037_035_976_334_486e90; // 2^300
 
-/// What a watcher knows before a frame.
+/// Knowledge of a watcher before a frame.
 #[derive(Clone, Default)]
 pub struct Known {
     pub session: u64,
-    /// Number of the last frame with a valid number.
+    /// Sequence number of the last frame with a valid number.
     pub seq: Option<u64>,
-    /// Number of the first such frame, which is the baseline of the session.
+    /// Sequence number of the first such frame, which is the baseline of the session.
     pub first: Option<u64>,
-    /// True if the last one was a baseline, which its simulator may have published long ago.
+    /// True if the last frame was a baseline, which its simulator may have published long ago.
     pub baseline: bool,
-    /// The last verified frame: its `layout`, and what must not change with it.
+    /// Layout number of the last verified frame, and the properties that the layout fixes.
     pub verified: Option<(u32, Fixed)>,
     /// Limit of the watcher, in bytes.
     pub cap: usize,
@@ -26,7 +26,7 @@ pub struct Known {
     pub events: bool,
 }
 
-/// What is the same in all frames with the same `layout`.
+/// Properties that all frames with the same `layout` share.
 #[derive(Clone, PartialEq)]
 pub struct Fixed {
     n_points: u64,
@@ -37,27 +37,27 @@ pub struct Fixed {
     radii: Option<Vec<f32>>,
 }
 
-/// What must happen to a message.
+/// Expected reaction to a message.
 pub enum Expected {
-    /// It belongs to no layout that the watcher knows. One of the reasons must be given.
+    /// The format is unknown to the watcher. It must give one of these reasons.
     Unreadable(Vec<Reason>),
-    /// No frame: the end of a session, the question if a watcher is there, or a repeated baseline.
+    /// Not a frame to verify: the end of a session, a query for watchers, or a repeated baseline.
     Signal,
-    /// It starts another session.
+    /// The message starts another session.
     OtherSession,
     Rejected(Vec<Reason>),
-    /// It gets a verdict. Has what must not change with its layout.
+    /// The frame gets a verdict. Contains the properties that its layout fixes.
     Accepted(Fixed),
 }
 
-/// Words that the reason of a rejection must have, with the numbers that lie.
+/// Texts that the reason of a rejection must contain, with the wrong numbers.
 pub type Reason = Vec<String>;
 
 macro_rules! reason {
     ($($word:expr),+) => { vec![$($word.to_string()),+] };
 }
 
-/// Judges a frame.
+/// Returns the expected reaction to a frame.
 pub fn judge(frame: &Frame, known: &Known) -> Expected {
     let h = &frame.header;
     let mut unreadable = Vec::new();
@@ -77,7 +77,7 @@ pub fn judge(frame: &Frame, known: &Known) -> Expected {
     if h.flags & (Header::END | Header::ANNOUNCE) != 0 {
         return Expected::Signal;
     }
-    // A baseline is the only frame that may come twice.
+    // Only a baseline may arrive twice.
     if h.flags & Header::BASELINE != 0 && known.first.is_some_and(|first| h.seq <= first) {
         return Expected::Signal;
     }
@@ -121,7 +121,7 @@ pub fn judge(frame: &Frame, known: &Known) -> Expected {
     let promised = counts + names + radii + 3 * u128::from(h.n_points) * size;
     let exact = promised == frame.payload.len() as u128;
     if !exact {
-        // Saturated.
+        // The message saturates the number.
         let promised = promised.min(u64::MAX.into());
         reasons.push(reason!["bytes of a frame", promised, frame.payload.len()]);
     }
@@ -147,8 +147,8 @@ pub fn judge(frame: &Frame, known: &Known) -> Expected {
     }
 }
 
-/// Returns true if a frame may have its number. No simulator can have published 2^40 frames within
-/// a test; the mutations use no number between 1000 and that.
+/// Returns true if a frame may have its sequence number. No simulator can have published 2^40
+/// frames during a test, and the mutations use no number between 1000 and 2^40.
 pub fn has_possible_number(frame: &Frame, known: &Known) -> bool {
     match known.seq {
         None => frame.header.seq < 1 << 53,
@@ -171,7 +171,7 @@ fn fixed(frame: &Frame, parts: [usize; 4], reasons: &mut Vec<Reason>) -> Fixed {
     let counts: Vec<i32> = (0..n).map(|k| i32::from_ne_bytes(word(4 * k))).collect();
     let sum: u64 = counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
     if sum != h.n_points {
-        // Said of the number of points, or of the curve whose number differs from before.
+        // The reason is the number of points, or a curve whose number of points changed.
         reasons.push(reason!["points", h.n_points]);
         reasons.push(reason!["coordinates", 3 * u128::from(h.n_points)]);
         reasons.push(reason!["control points of a curve was"]);
@@ -271,7 +271,7 @@ fn positions(frame: &Frame, start: usize, fixed: &Fixed, reasons: &mut Vec<Reaso
     }
 }
 
-/// Compares what must not change with the layout.
+/// Compares the properties that the layout fixes.
 fn compare(before: &Fixed, now: &Fixed, reasons: &mut Vec<Reason>) {
     let mut differs = |what: &str, before: u64, now: u64| {
         if before != now {

@@ -30,8 +30,8 @@ use runner::{Kernel, ON_DEVICE, Views};
 use support::session::Step;
 use support::trial::trial;
 
-/// Runs every case in one of its views in turn. With `LINKWATCH_LARGE_CASES`, also large cases, and
-/// small cases in all views.
+/// Runs each case in one of its views, chosen in turn. With `LINKWATCH_LARGE_CASES`, also runs the
+/// large cases, and the small cases in all views.
 fn hard_cases(kernel: Kernel) -> Result<(), Failed> {
     let panics = runner::count_panics();
     let pools = runner::pools();
@@ -137,7 +137,7 @@ fn names() -> Result<(), Failed> {
 
 fn main() {
     let arguments = Arguments::from_args();
-    // Kept, so that the adapter is opened only once.
+    // Kept open, because opening the adapter again would take long.
     let opened = Session::new(options(Device::Gpu, Method::Auto));
     if let Err(e) = &opened {
         println!("no adapter: {e}");

@@ -14,16 +14,16 @@ pub fn cases() -> Vec<Case> {
     cases
 }
 
-/// Loops of three vertices, thousands of pairs: they share vertices, edges, lines and planes, and
-/// some lie on one line.
+/// Loops of three vertices in thousands of pairs. They share vertices, edges, lines and planes, and
+/// some are collinear.
 fn small_triangles(size: i64) -> Case {
     let mut random = Random::new(size as u64);
     let triangles: Vec<Polygon> = (0..70).map(|_| random.polygon(3, size)).collect();
     Case::integers(format!("triangles on a grid of {size}"), &triangles)
 }
 
-/// Edges along the axes, on few coordinates: every view of the crossing kernel is degenerate
-/// everywhere.
+/// Edges along the axes with few different coordinates: every projection of the crossing kernel is
+/// degenerate everywhere.
 fn axis_aligned_polygons(size: i64) -> Case {
     let mut random = Random::new(100 + size as u64);
     let polygons: Vec<Polygon> = (4..20).map(|n| random.along_axes(n, size)).collect();
@@ -47,8 +47,8 @@ fn rectangles_on_a_lattice(size: i64) -> Case {
     Case::integers(format!("rectangles on a lattice of {size}"), &rectangles)
 }
 
-/// All loops in one axis plane: in two of the three views they are lines, in the third one they
-/// intersect themselves. Each pair touches or has 0.
+/// All loops lie in one axis plane. Two of the three projections are lines, the third one has
+/// self-crossings. Each pair touches or has linking number 0.
 fn coplanar(axis: usize) -> Case {
     let mut random = Random::new(300 + axis as u64);
     let mut polygon = |n: usize| {
@@ -60,8 +60,8 @@ fn coplanar(axis: usize) -> Case {
     Case::integers(format!("coplanar, axis {axis}"), &polygons)
 }
 
-/// The loops of a triple have the same projection along one axis: there, every vertex lies on a
-/// vertex and every edge on an edge, and only heights differ.
+/// The loops of a triple have the same projection along one axis: every vertex is above a vertex,
+/// every edge above an edge, and only the heights differ.
 fn shadows_on_shadows() -> Case {
     let mut random = Random::new(400);
     let first = random.polygon(24, 50);
@@ -74,8 +74,8 @@ fn shadows_on_shadows() -> Case {
     Case::integers("shadows on shadows", &polygons)
 }
 
-/// Even points of a small grid against odd ones: along each axis the vertices of one loop project
-/// onto those of the other, and none is shared.
+/// Loops on the even points of a small grid and loops on the odd ones. Along each axis, the
+/// vertices of one loop project onto those of another one, but no vertex is shared.
 fn parity_lattice() -> Case {
     let mut random = Random::new(500);
     let mut polygon = |parity: i64, n: usize| -> Polygon {
@@ -120,7 +120,7 @@ fn repeated_vertices() -> Case {
     Case::integers("repeated vertices", &polygons)
 }
 
-/// Random polygons, stretched `2^bits` times along x and sheared with that: long segments, nearly
+/// Random polygons, stretched by `2^bits` along x and then sheared. Long segments are nearly
 /// parallel, at distances that are tiny compared with their lengths.
 fn long_and_near(bits: u32) -> Case {
     let mut random = Random::new(800 + u64::from(bits));

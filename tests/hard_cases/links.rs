@@ -1,4 +1,4 @@
-//! Links with names, and strands that are twisted by given numbers of turns.
+//! Named links, and strands that are twisted by a given number of turns.
 
 use crate::case::{Answer, Case, Expected, Loop, Polygon};
 use linkwatch::scenes::Scene;
@@ -28,8 +28,8 @@ pub fn cases() -> Vec<Case> {
     cases
 }
 
-/// A square in the plane of x and y, counterclockwise, and one that goes up through it. By the rule
-/// of signs, this counts +1; reversed, it counts -1.
+/// A counterclockwise square in the xy plane, and one that passes upwards through it. By the sign
+/// rule this counts +1; reversed, it counts -1.
 pub fn hopf_polygons(sign: i64) -> [Polygon; 2] {
     let a = vec![[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]];
     let b = vec![[0, 0, -sign], [0, 0, sign], [5, 0, sign], [5, 0, -sign]];
@@ -57,8 +57,8 @@ fn hopf(sign: i64) -> Case {
     pair(&format!("Hopf link {sign:+}"), &hopf_polygons(sign), sign)
 }
 
-/// The alternating diagram of five crossings: linked, but with the number 0. A square around the
-/// crossing of a figure eight.
+/// The alternating diagram with five crossings: a square around the crossing of a figure eight. The
+/// curves are linked, but their linking number is 0.
 fn whitehead() -> Case {
     let square = vec![[4, 0, 0], [0, 4, 0], [-4, 0, 0], [0, -4, 0]];
     let mut eight = vec![[-6, 4, 3], [-3, 2, 3], [0, 0, -2], [3, -2, 3], [6, -4, 3]];
@@ -72,7 +72,8 @@ fn whitehead() -> Case {
     pair("Whitehead link", &[square, eight], 0)
 }
 
-/// Three rectangles, each in one of the planes: linked as a triple, but each pair has 0.
+/// Three rectangles, one in each axis plane. They are linked as a triple, but each pair has linking
+/// number 0.
 fn borromean() -> Case {
     let ring = vec![[3, 1, 0], [-3, 1, 0], [-3, -1, 0], [3, -1, 0]];
     let turned = |by: usize| -> Polygon {
@@ -84,7 +85,7 @@ fn borromean() -> Case {
     Case::built("Borromean rings", &floats(&rings), Expected::unlinked())
 }
 
-/// Two strands that are twisted around one another twice: the torus link of two and four.
+/// Two strands that are twisted around each other twice: the torus link T(2, 4).
 fn two_four_torus_link(lambda: i64) -> Case {
     let mut case = twisted_strands(lambda, 2);
     case.name = format!("(2, 4) torus link {lambda:+}");
@@ -135,8 +136,9 @@ fn chain(rings: i64) -> Case {
     Case::built(format!("chain of {rings}"), &floats(&polygons), expected)
 }
 
-/// A coil of `p` square turns, each of which goes around `q` turns of another coil: linking number
-/// `p q` of few segments, and no direction with fewer crossings than that.
+/// A coil of `p` square turns, each of which surrounds `q` turns of another coil. The linking
+/// number `p q` is large for so few segments, and every projection has at least that many
+/// crossings.
 fn coils(p: i64, q: i64) -> Case {
     let (width, height, sign) = (q.abs() + 2, p + 1, q.signum());
     let turn = |z: i64| [[0, 0, z], [width, 0, z], [width, width, z], [0, width, z]];
@@ -158,7 +160,8 @@ fn coils(p: i64, q: i64) -> Case {
     )
 }
 
-/// Small links of all kinds, splines among them, and large linking numbers of few segments.
+/// Small links of all kinds, including splines, and links with large linking numbers and few
+/// segments.
 const SCENES: [&str; 9] = [
     "chainmail:rows=2,columns=3,tilt=0",
     "knit:rows=4,stitches=16,segments=512",
@@ -171,7 +174,7 @@ const SCENES: [&str; 9] = [
     "woundball:segments=2000,crossings=10",
 ];
 
-/// A scene of the library with the certificate of its construction.
+/// A generated scene of the library, with the certificate that follows from its construction.
 fn generated(name: &str) -> Case {
     let scene: Scene = name.parse().expect("a scene");
     let generated = scene.build().expect("a scene that can be built");

@@ -41,8 +41,8 @@ fn run(kernel: Kernel, cases: impl Iterator<Item = Case>, views: fn(usize) -> Vi
     );
 }
 
-/// Runs one view of each case, and no case of very many near segments, because steps use several
-/// threads and reference frames.
+/// Runs one view of each case. Skips cases with very many near segments, because these kernels use
+/// several threads and reference frames.
 fn run_quickly(kernel: Kernel) {
     let small = |case: &Case| case.curves.segments() <= 5000;
     run(
@@ -57,8 +57,8 @@ fn full_runs_are_correct() {
     run(FULL, runner::collection().into_iter(), |_| Views::All);
 }
 
-/// A wrong integer, or a number for curves that touch, would be taken from the sum and appear in
-/// the certificate.
+/// If a sum gave a wrong integer, or a number for curves that touch, it would appear in the
+/// certificate.
 #[test]
 fn sums_are_correct_or_undecided() {
     for kernel in SUMS {
@@ -118,8 +118,8 @@ fn names_are_unique() {
     println!("{} cases", cases.len());
 }
 
-/// Checks the constructions with the oracle where possible. It depends neither on them nor on the
-/// kernels.
+/// Checks the constructions with the oracle where possible. The oracle depends neither on the
+/// constructions nor on the kernels.
 #[test]
 fn the_oracle_agrees_with_the_constructions() {
     let mut checked = 0;

@@ -15,8 +15,8 @@ pub fn cases() -> Vec<Case> {
     cases
 }
 
-/// A square of half width 1 in the plane of x and y, and a loop that goes up at `x` and comes down
-/// at 3.
+/// A square of half-width 1 in the xy plane, and a loop that passes upwards at `x` and downwards at
+/// 3.
 fn gate(x: f64) -> Vec<Loop> {
     let square = vec![
         [-1.0, -1.0, 0.0],
@@ -33,8 +33,8 @@ fn gate(x: f64) -> Vec<Loop> {
     vec![square, gate]
 }
 
-/// Gaps from 0.1 down to one unit in the last place, on either side of an edge: linked inside of
-/// the square, unlinked outside.
+/// Gaps from 0.1 down to one unit in the last place, on both sides of an edge: linked inside the
+/// square, unlinked outside.
 fn gaps() -> Vec<Case> {
     let gaps = (1..16).map(|k| 10f64.powi(-k));
     let ulps = [1.0, 2.0, 3.0, 5.0];
@@ -57,8 +57,8 @@ fn gaps() -> Vec<Case> {
     all.flat_map(case).collect()
 }
 
-/// Gaps from a tenth of a square down to one unit of its integer coordinates, in skew position: an
-/// exact linear map of determinant 1 leaves no edge along an axis. Linked, touching and unlinked.
+/// Gaps from a tenth of a square down to one unit of its integer coordinates. An exact linear map
+/// of determinant 1 leaves no edge parallel to an axis. Linked, touching and unlinked pairs.
 fn sheared_gaps() -> Vec<Case> {
     let mut cases = Vec::new();
     for bits in [20, 36] {
@@ -149,8 +149,8 @@ fn scales() -> Vec<Case> {
     exponents.into_iter().map(scaled).collect()
 }
 
-/// Axis-aligned polygons whose coordinates are replaced, axis by axis, by others in the same order:
-/// an isotopy, exact for any coordinates.
+/// Axis-aligned polygons whose coordinates are replaced, axis by axis, by others in the same order.
+/// This is an isotopy, and exact for any coordinates.
 fn monotone() -> Vec<Case> {
     const SIZE: usize = 16;
     type Table = [f64; SIZE];
@@ -230,7 +230,7 @@ fn tiny_through_huge() -> Case {
     )
 }
 
-/// The same with the edge outside of the tiny loop, by less than its size, in a skew direction.
+/// The same, with the edge outside the tiny loop by less than its size, in a skew direction.
 fn tiny_beside_huge() -> Case {
     let (s, h) = (2f64.powi(-100), 2f64.powi(100));
     let tiny = vec![[-s, -s, 0.0], [s, -s, 0.0], [s, s, 0.0], [-s, s, 0.0]];

@@ -1,4 +1,4 @@
-//! Runs the collection through any kernel.
+//! Runs the hard cases through any kernel.
 
 use crate::case::{Answer, Case};
 use crate::support::session::Step;
@@ -14,7 +14,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, set_hook};
 use std::sync::Once;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Returns the whole collection.
+/// Returns all hard cases.
 pub fn collection() -> Vec<Case> {
     let parts = [
         integers::cases(),
@@ -26,17 +26,17 @@ pub fn collection() -> Vec<Case> {
     parts.into_iter().flatten().collect()
 }
 
-/// Requirement on a kernel, in addition to never giving a wrong integer.
+/// Requirement on a kernel. No kernel may ever return a wrong integer.
 #[derive(Clone, Copy, PartialEq)]
 #[allow(dead_code, reason = "later kernels may leave pairs undecided")]
 pub enum Rule {
-    /// It decides every case.
+    /// The kernel must decide every case.
     Complete,
-    /// It may leave any pair undecided.
+    /// The kernel may leave any pair undecided.
     Honest,
 }
 
-/// A kernel: curves in, certificate out.
+/// A kernel: maps curves to a certificate.
 #[derive(Clone, Copy)]
 pub struct Kernel {
     pub name: &'static str,
@@ -58,7 +58,8 @@ pub const STILL: Kernel = Kernel {
     certify: |set| last_of([set, set, set], Events::Off),
 };
 
-/// Verifies a frame after a jump: the first curve ran in the other direction before.
+/// Verifies a frame after a jump. In the previous frame, the first curve had the opposite
+/// direction.
 pub const JUMP: Kernel = Kernel {
     name: "incremental, jump",
     rule: Rule::Complete,
@@ -71,7 +72,7 @@ pub const JUMP: Kernel = Kernel {
     },
 };
 
-/// Verifies a frame after growth: it was tiny before.
+/// Verifies a frame after growth. In the previous frame, all curves were tiny.
 pub const GROWTH: Kernel = Kernel {
     name: "incremental, growth",
     rule: Rule::Complete,
@@ -83,7 +84,7 @@ pub const GROWTH: Kernel = Kernel {
     },
 };
 
-/// Verifies a jump with a search for pull-throughs, also of a curve through itself.
+/// Verifies a jump with a search for pull-throughs, self-crossings included.
 pub const EVENTS: Kernel = Kernel {
     name: "pull-throughs",
     rule: Rule::Complete,
@@ -170,7 +171,7 @@ pub const EARLY_EXIT: Kernel = Kernel {
     },
 };
 
-/// Kernels that sum, with counting for pairs that their bound does not decide.
+/// Kernels that sum. Pairs that their bound does not decide are counted.
 pub const SUMS: [Kernel; 7] = [
     Kernel {
         name: "direct",
@@ -295,8 +296,8 @@ pub enum Views {
     Turn(usize),
 }
 
-/// Runs views of a case through a kernel, in every pool, and catches panics. Returns the errors in
-/// words.
+/// Runs views of a case through a kernel, in every pool, and catches panics. Returns the errors as
+/// texts.
 pub fn complaints(case: &Case, kernel: Kernel, views: Views, pools: &[ThreadPool]) -> Vec<String> {
     let mut out = Vec::new();
     let mut cases: Vec<Case> = case.precisions().iter().flat_map(Case::variants).collect();
@@ -319,7 +320,7 @@ pub fn complaints(case: &Case, kernel: Kernel, views: Views, pools: &[ThreadPool
                     .iter()
                     .map(|w| format!("{}, {}: {w}", case.name, kernel.name)),
             );
-            // NaN differs from itself; its text does not.
+            // Compared as text, because NaN differs from itself.
             let words = found.ok().map(|c| format!("{c:?}"));
             if *first.get_or_insert_with(|| words.clone()) != words {
                 out.push(format!(
@@ -392,8 +393,8 @@ fn check(case: &Case, certificate: &Certificate, rule: Rule) -> Vec<String> {
                 (Answer::Contact, Some(DefectKind::Contact)) => true,
                 (Answer::Touching, Some(DefectKind::Contact | DefectKind::TooClose)) => true,
                 (Answer::Near(_), Some(DefectKind::TooClose)) => true,
-                // A kernel may fail to decide for an unknown reason, but a contact is a claim,
-                // which is false here.
+                // A kernel may be unable to decide. But it must not claim a contact where there is
+                // none.
                 (_, Some(kind)) => rule == Rule::Honest && *kind != DefectKind::Contact,
             };
             if !right {

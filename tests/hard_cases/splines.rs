@@ -1,4 +1,4 @@
-//! Splines whose control polygon or chords give another answer than the curve.
+//! Splines whose control polygon or chords have another linking number than the curve.
 
 use crate::case::{Answer, Case, Expected, Loop};
 use linkwatch::{Basis, Point};
@@ -11,14 +11,15 @@ pub fn cases() -> Vec<Case> {
     cases
 }
 
-/// A plane spline that runs counterclockwise, and its intersections with the line `x = 0`.
+/// A planar spline that runs counterclockwise, and its intersections with the line `x = 0`.
 struct Plane {
     name: &'static str,
     basis: Basis,
     points: Vec<[f64; 2]>,
     /// Height at which the curve meets the line: inside below, outside above.
     border: f64,
-    /// Heights inside and outside; the far ones beyond the control polygon or the chords.
+    /// Heights inside and outside of the curve. The far ones are beyond the control polygon or the
+    /// chords.
     inside: f64,
     outside: f64,
 }
@@ -36,7 +37,8 @@ fn curves() -> Vec<Plane> {
             inside: 2.6,
             outside: 2.9,
         },
-        // The weights there are -1, 9, 9 and -1, over 16: (18 * 3 + 2 * 3) / 16.
+        // At the middle of this segment, the weights are -1, 9, 9 and -1, over 16: (18 * 3 + 2 * 3)
+        // / 16.
         Plane {
             name: "Catmull-Rom around its control polygon",
             basis: Basis::CatmullRom,
@@ -63,7 +65,7 @@ fn curves() -> Vec<Plane> {
             inside: -0.5,
             outside: -0.25,
         },
-        // The weights are 1, 3, 3 and 1, over 8: 6 * 4 / 8. Its chords bound nothing.
+        // The weights are 1, 3, 3 and 1, over 8: 6 * 4 / 8. The chords enclose no area.
         Plane {
             name: "Bezier between its chords and its control polygon",
             basis: Basis::Bezier,
@@ -82,8 +84,9 @@ fn curves() -> Vec<Plane> {
     ]
 }
 
-/// The spline with a loop that goes up at a height on the line and comes down far outside: +1
-/// inside, 0 outside, at any distance; and exactly through the curve.
+/// The spline, and a loop that goes up at some height on the line and comes down far outside. The
+/// linking number is +1 inside and 0 outside, at any distance. Also a loop exactly through the
+/// curve.
 fn needles(plane: &Plane) -> Vec<Case> {
     let Plane {
         name,
@@ -110,7 +113,8 @@ fn needles(plane: &Plane) -> Vec<Case> {
     ];
     for k in [6, 12, 18, 24, 30, 40, 48] {
         let gap = 2f64.powi(-k);
-        // Hulls flatten with the square of their length, so these gaps are wide for them.
+        // The hulls of pieces become flatter with the square of their length, so these gaps are
+        // wide for them.
         let answer: fn(i64) -> Answer = if k <= 30 {
             Answer::Number
         } else {

@@ -10,10 +10,10 @@ pub fn cases() -> Vec<Case> {
     for (name, other) in others() {
         let pair = [square.clone(), other];
         cases.push(Case::integers(name, &pair));
-        // Exact, and without edges along an axis.
+        // An exact map that leaves no edge parallel to an axis.
         let skew = |[x, y, z]: [i64; 3]| [x + 2 * y + z, y - 3 * x, z + x + y].map(|v| v as f64);
         cases.push(Case::mapped(format!("{name}, skew"), &pair, skew));
-        // In units of the smallest number and of the largest.
+        // Multiples of the smallest positive number, and of a number near the largest.
         let tiny = |p: [i64; 3]| p.map(|v| v as f64 * f64::from_bits(1));
         cases.push(Case::mapped(format!("{name}, subnormal"), &pair, tiny));
         let huge = |p: [i64; 3]| p.map(|v| v as f64 * 2f64.powi(1019));
@@ -116,8 +116,8 @@ fn others() -> Vec<(&'static str, Polygon)> {
     ]
 }
 
-/// Loops of one and of two distinct points near a Hopf link: they have no number, and the link
-/// keeps its own.
+/// Loops of one and of two distinct points near a Hopf link. They have no linking number, and the
+/// link keeps its own.
 fn degenerate_beside_good() -> Case {
     let [a, b] = hopf_polygons(1);
     let polygons = [
@@ -127,7 +127,7 @@ fn degenerate_beside_good() -> Case {
         vec![[0, 0, -1], [0, 0, 1]],
         b,
         vec![[-2, -2, 0], [2, -2, 0], [2, -2, 0], [-2, -2, 0]],
-        // Three distinct points on a line bound nothing either, but are a valid loop.
+        // Three distinct collinear points enclose no area either, but are a valid loop.
         vec![[0, 1, -3], [0, 1, 0], [0, 1, 3]],
     ];
     Case::integers("degenerate beside good", &polygons)
@@ -140,7 +140,7 @@ fn contact_hides_nothing() -> Case {
     Case::integers("contact hides nothing", &[a, touching, b])
 }
 
-/// Random polygons, with a vertex of each on an edge of the next: contact at one point among many
+/// Random polygons with a vertex of each on an edge of the next one: a single contact among many
 /// crossings, on lines in general position.
 fn random_contacts() -> Case {
     let mut random = Random::new(1);
@@ -148,7 +148,7 @@ fn random_contacts() -> Case {
     for k in 0..12 {
         let mut polygon = random.polygon(8 + k, 2000);
         if let Some(p) = polygons.last() {
-            // At a third of the edge, because coordinates are multiples of three.
+            // At a third of the edge. This is exact, because coordinates are multiples of three.
             let (from, to) = (p[2], p[3]);
             polygon[5] = [0, 1, 2].map(|x| (2 * from[x] + to[x]) / 3);
         }
