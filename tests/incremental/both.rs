@@ -7,7 +7,7 @@ use linkwatch::{
 };
 use std::collections::BTreeMap;
 
-/// The session under test, and the reference session.
+/// A session under test, and a reference session that must give the same reports.
 pub struct Both {
     incremental: Session,
     full: Session,
@@ -15,7 +15,7 @@ pub struct Both {
     layout: u32,
     last: Option<CurveSet>,
     pub tally: Tally,
-    /// Balance of the pull-throughs, if they are looked for.
+    /// Check of pull-throughs against linking numbers, if pull-throughs are searched for.
     pub balance: Option<Balance>,
 }
 
@@ -40,8 +40,8 @@ impl Both {
         }
     }
 
-    /// Verifies a frame incrementally: most frames as a live run does, some from the arrays of a
-    /// set.
+    /// Verifies a frame incrementally. Most frames are passed as positions, as in a live run, and
+    /// some as a set.
     fn verify_incrementally(&mut self, info: FrameInfo, set: &CurveSet) -> VerifiedFrame {
         if info.seq % 5 == 3 {
             return self.incremental.step_at(info, set);
@@ -83,7 +83,7 @@ impl Both {
         let verified = self.verify_incrementally(info.clone(), set);
         let (found, work) = (verified.report, verified.work);
         let mut expected = self.full.step_at(info, set).report;
-        // Except for the sizes of the scene, counts of work depend on earlier frames.
+        // Work counters depend on earlier frames, so only the sizes of the scene are compared.
         let sizes = |r: &Report| (r.stats.curves, r.stats.segments, r.stats.open_curves);
         assert_eq!(sizes(&found), sizes(&expected), "{what}, frame {frame}");
         expected.stats = found.stats;
@@ -111,7 +111,7 @@ impl Both {
         if let Some(balance) = &mut self.balance {
             balance.add(&found, set, &format!("{what}, frame {frame}"));
         }
-        // Most reference frames are ready for the next frame, some come later.
+        // Waits for most reference frames; some are ready only later.
         if frame % 4 != 3 {
             self.incremental.settle();
         }
@@ -175,8 +175,8 @@ impl Balance {
                 since.undecided_step |= defects.any(|d| d.kind.is_of_step());
                 if let Some(missing) = certificate.undefined().iter().find(of_pair) {
                     since.touched |= missing.kind == DefectKind::Contact;
-                    // A loop of fewer than three points, or splines that are too close: the
-                    // polylines do not represent the curves.
+                    // The polylines do not represent a loop of fewer than three points, or splines
+                    // that are too close.
                     since.undecided_step |= missing.kind != DefectKind::Contact;
                     continue;
                 }

@@ -11,7 +11,7 @@ use linkwatch::{
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Two curves by their names: their numbers among all curves, the smaller one first.
+/// Two curves, named by their indices among all curves, the smaller index first.
 type Names = [usize; 2];
 
 /// Returns some curves of a set, in this order.
@@ -94,7 +94,7 @@ fn linking_numbers(set: &CurveSet, certificate: &Certificate) -> Vec<(u32, u32, 
     defined.map(lambda).collect()
 }
 
-/// Events as names, fraction of the step and sign.
+/// Returns the events: the names of the curves, the fraction of the step, and the sign.
 fn events(report: &Report, curves: &[usize]) -> Vec<(Names, u64, i32)> {
     let events = report.events.iter();
     let mut events: Vec<_> = events
@@ -112,9 +112,9 @@ struct Tally {
     intact: u32,
 }
 
-/// Runs sequences in which a curve that is gone never returns. The linking numbers are compared
-/// with those of full runs by name, and the pull-throughs across a change with those of a session
-/// that knows only the curves that continue.
+/// Runs sequences in which a curve that disappeared never returns. Compares linking numbers with
+/// those of full runs by name, and pull-throughs across a change with those of a session that has
+/// only the curves that continue.
 fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) -> Tally {
     let mut tally = Tally::default();
     for seed in seeds {

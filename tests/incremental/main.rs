@@ -26,8 +26,8 @@ use sets::{MOST, random_set, update, values};
 use std::ops::{Range, RangeInclusive};
 use support::random::Random;
 
-/// Polylines on a lattice: contacts in most frames, of open and closed curves, which begin, last,
-/// move and end.
+/// Polylines on a lattice, which touch in most frames. Contacts of open and closed curves begin,
+/// last, move and end.
 fn snapped_sequences(seeds: Range<u64>) {
     let (mut all, mut through_contact) = (Tally::default(), [0; 2]);
     for seed in seeds {
@@ -75,7 +75,7 @@ fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) {
     for (verdict, least) in [(all.intact, 10), (all.changed, 10), (all.undecided, 100)] {
         assert!(verdict > total / least / 2, "{all:?}");
     }
-    // Few frames need a full run: the first ones, and those where a search takes longer.
+    // Few frames need a full run: the first ones, and those in which a search takes longer.
     for (route, least) in [(all.full, 50), (all.quiet, 10), (all.partial, 10)] {
         assert!(route > total / least, "{all:?}");
     }
@@ -83,8 +83,8 @@ fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) {
     assert_eq!(all.contact > total / 20, basis == Basis::Polyline);
 }
 
-/// Runs sequences of many curves of which few move, this many for each basis in both precisions,
-/// and checks that findings are frequent enough.
+/// Runs `count` sequences of many curves for each basis and precision, in which few curves move.
+/// Checks that findings are frequent enough.
 fn calm_sequences(first: u64, count: u64) {
     let mut all = Tally::default();
     for precision in [Precision::F32, Precision::F64] {
@@ -164,7 +164,8 @@ fn many_curves_of_which_few_move() {
     calm_sequences(80_000, 18);
 }
 
-/// For changes of the incremental verification: some 400 times as many sequences, with other seeds.
+/// For changes of the incremental verification: some 400 times as many sequences as in
+/// [`sequences`], with other seeds.
 #[test]
 #[ignore = "takes an hour"]
 fn very_many_sequences() {
@@ -228,7 +229,7 @@ fn changed_curves(seeds: Range<u64>) {
                 Movie::new(Random::new(random.next()), set)
             })
             .collect();
-        // There is no motion between different curves.
+        // No motion is defined between different curves, so pull-throughs are not searched for.
         let mut both = Both::new(Events::Off);
         let mut now = 0;
         for frame in 0..30 {
@@ -241,8 +242,8 @@ fn changed_curves(seeds: Range<u64>) {
     }
 }
 
-/// Every synthetic pull-through is found in its frame, and disappears when it is reverted, for any
-/// other motion.
+/// Every pull-through that the test makes is found in its frame, and is undone when the test
+/// reverts it, whatever the other motion.
 #[test]
 fn finds_synthetic_pull_throughs() {
     for (text, diameter) in [

@@ -1,4 +1,4 @@
-//! Random motions of a set, with events: contact, collapse, teleports.
+//! Random motions of a set, and events: contacts, collapsing curves, sudden displacements.
 
 use crate::sets::{MOST, update, values};
 use crate::support::random::Random;
@@ -10,7 +10,7 @@ use linkwatch::{Basis, CurveSet, Point};
 enum Event {
     /// Points of the second curve coincide with points of the first one.
     Contact([usize; 2], [usize; 2]),
-    /// The curve shrinks to this number of first points.
+    /// The curve shrinks: this number of its first points remain apart.
     Collapse(usize, usize),
     /// The curve is scaled down by this factor about its first point.
     Shrink(usize, i32),
@@ -30,9 +30,9 @@ pub struct Movie {
     pulls: Vec<linkwatch::scenes::Pull>,
     motion: Motion,
     amplitude: f64,
-    /// True if few curves have events.
+    /// True if events happen to few curves only.
     calm: bool,
-    /// True if the waves persist and grow, instead of changing in every frame.
+    /// True if the waves persist and grow. False if they change in every frame.
     steady: bool,
     /// Number of frames since the motion began.
     age: u64,
@@ -125,9 +125,9 @@ impl Movie {
         }
         let curve = self.random.below(self.ways.len());
         match self.random.below(30) {
-            // A teleport.
+            // A sudden displacement.
             0 => self.ways[curve][0] = self.random.point(2.0),
-            // An individual motion from now on.
+            // The curve moves on its own from now on.
             1 => {
                 let step = 0.3 * 10f64.powf(self.random.between(-3.0, 0.0));
                 self.ways[curve][1] = self.random.point(step);
@@ -171,7 +171,7 @@ impl Movie {
                 .for_each(|x| *x = (*x / width).round() * width);
         }
         if self.random.one_in(40) {
-            // Rejected after half of it was written.
+            // The frame is rejected after half of it was written.
             let at = self.random.below(xyz.len());
             let mut broken = xyz.clone();
             broken[at] = f64::NAN;

@@ -1,5 +1,5 @@
-//! Frames that are rejected leave no trace: all other frames have the same reports without them.
-//! Neither does a session that is resumed from the state of another one.
+//! Rejected frames leave no trace: without them, all other frames have the same reports. The same
+//! holds for a session that is resumed from the state of another one.
 
 use super::support::random::Random;
 use linkwatch::{
@@ -13,18 +13,18 @@ use std::sync::Arc;
 /// Number of curves of a scene.
 const CURVES: usize = 9;
 
-/// Pairs of curves that a frame may have. A frame of all curves in one place has 36.
+/// Maximum number of pairs of curves. A frame with all curves in one place has 36 pairs.
 const MOST: usize = 30;
 
 /// Number of frames of a sequence.
 const FRAMES: u64 = 12;
 
-/// What a sequence is about.
+/// Kind of the scene of a sequence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
-    /// Curves come and go.
+    /// Curves that appear and disappear.
     Open,
-    /// Curves in a cell, which are linked with images.
+    /// Curves in a periodic cell that are linked with images.
     Cell,
     /// The same, wrapped into the cell.
     Wrapped,
@@ -35,7 +35,7 @@ enum Kind {
 impl Kind {
     /// Returns true if a curve is open.
     fn is_rod(self, i: usize) -> bool {
-        // A braid has at least four strands.
+        // A braid needs at least four strands.
         match self {
             Kind::Braid => i % 2 == 1,
             _ => i % 4 == 3,
@@ -125,9 +125,10 @@ fn diagonal(edges: Point) -> [Point; 3] {
     [0, 1, 2].map(|k| [0, 1, 2].map(|x| if x == k { edges[k] } else { 0.0 }))
 }
 
-/// Moves a point into a cell without a corner of its own.
+/// Wraps a point into a cell whose corner is the origin.
 fn wrapped(mut p: Point, cell: &Cell) -> Point {
-    // The second vector has a component along the first one, and no others have.
+    // The third and the second vector come first, because the second one has a component along the
+    // first axis.
     for k in [2, 1, 0] {
         let times = (p[k] / cell.vectors[k][k]).floor();
         p = [0, 1, 2].map(|x| p[x] - times * cell.vectors[k][x]);
@@ -135,13 +136,13 @@ fn wrapped(mut p: Point, cell: &Cell) -> Point {
     p
 }
 
-/// A frame: what is told about it, numbers of points, and coordinates.
+/// A frame: its information, numbers of points, and coordinates.
 #[derive(Clone)]
 struct Frame {
     info: FrameInfo,
     counts: Vec<i32>,
     xyz: Vec<f64>,
-    /// True if the session copies the numbers, and compares them on the way.
+    /// True if the session copies the coordinates, and compares them in the same pass.
     raw: bool,
 }
 
@@ -162,7 +163,7 @@ impl Frame {
         }
     }
 
-    /// Returns a frame that may be rejected, in the place of this one.
+    /// Returns a frame that may be rejected, to replace this one.
     fn spoiled(&self, random: &mut Random, scene: &Scene, curves: &[usize]) -> Frame {
         let mut bad = self.clone();
         bad.info.cuts += random.below(2_u32);
@@ -177,7 +178,7 @@ impl Frame {
             ..scene.clone()
         };
         match random.below(9) {
-            // Too many pairs, also of other curves.
+            // Too many pairs, possibly of other curves.
             0 => bad = Frame::new(&heap(), curves, &bad.info, self.raw),
             1 => {
                 let mut others = curves.to_vec();
@@ -185,7 +186,7 @@ impl Frame {
                 bad.info.layout += 100;
                 bad = Frame::new(&heap(), &others, &bad.info, self.raw);
             }
-            // Other numbers of points than before, or fewer than promised.
+            // Numbers of points that differ from those before, or fewer coordinates than promised.
             2 => {
                 let mut larger = scene.clone();
                 larger.sizes.iter_mut().for_each(|n| *n += 1);
@@ -193,9 +194,9 @@ impl Frame {
             }
             3 => bad.xyz.truncate(self.xyz.len() - 3),
             4 => bad.xyz[random.below(self.xyz.len())] = f64::NAN,
-            // A curve at a guessed image, or torn.
+            // A curve that jumps to an uncertain image, or that is torn.
             5 => bad.xyz[0] += 0.5 * scene.cell.map_or(0.0, |cell| cell.vectors[0][0]),
-            // No lattice, other directions, or another kind of scene.
+            // Dependent lattice vectors, other periodic directions, or a scene without a cell.
             6 => {
                 let flat = [[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 3.0]];
                 let cells = [flat, diagonal([10.0, 0.0, 7.0]), diagonal([0.01; 3])];
@@ -205,7 +206,7 @@ impl Frame {
                     _ => Some(Cell { origin, vectors }),
                 };
             }
-            // Names that changed, or that belong to no curve.
+            // Names that changed, or names without a curve.
             7 => {
                 bad.info.layout += u32::from(random.one_in(2));
                 let names = Arc::make_mut(&mut bad.info.labels);
@@ -259,8 +260,8 @@ fn options(random: &mut Random, kind: Kind) -> SessionOptions {
     }
 }
 
-/// Returns the report of a resumed session with the clearance of another report, from which it
-/// differs in the lower bound, and in the place among several with the same distance.
+/// Returns the report of a resumed session with the clearance of another report. The two may differ
+/// in the lower bound, and in the choice among several places with the same distance.
 fn without_history(mut report: Report, of: &Report) -> Report {
     if let (Some(a), Some(b)) = (report.clearance, of.clearance) {
         let [a, b] = [a, b].map(|clearance| clearance.closest.map(|closest| closest.ratio));
@@ -273,8 +274,8 @@ fn without_history(mut report: Report, of: &Report) -> Report {
     report
 }
 
-/// Verifies sequences: with frames that are rejected, without them, in full, and with sessions that
-/// resume one another.
+/// Verifies sequences with rejected frames, without them, by full runs, and by sessions that resume
+/// one another.
 fn sequences(seeds: std::ops::Range<u64>) {
     let mut verdicts = BTreeMap::<(String, String), u64>::new();
     let (mut rejected, mut resumed) = (BTreeMap::<String, u64>::new(), 0);
@@ -327,7 +328,7 @@ fn sequences(seeds: std::ops::Range<u64>) {
                         let words: Vec<&str> = words.take(4).collect();
                         *rejected.entry(words.join(" ")).or_default() += 1;
                     }
-                    // No reason to reject it: it is part of all sequences.
+                    // A valid frame, which is part of all sequences.
                     None => {
                         assert_eq!(feed(&mut without, &bad), report, "seed {seed}, frame {seq}");
                         feed_full(&bad, &report);
@@ -337,7 +338,7 @@ fn sequences(seeds: std::ops::Range<u64>) {
                             report,
                             "seed {seed}, frame {seq}"
                         );
-                        // The next frame has a layout and a baseline of its own.
+                        // The next frame has another layout and another baseline.
                         let more = random.below(2_u32);
                         info.layout = info.layout.max(bad.info.layout) + 1;
                         info.cuts = info.cuts.max(bad.info.cuts) + more;

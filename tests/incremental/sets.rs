@@ -20,7 +20,7 @@ fn size(random: &mut Random, basis: Basis, closed: bool, large: bool) -> usize {
     }
 }
 
-/// Maximum number of curves of a set in which all may be tangled.
+/// Maximum number of curves of a set in which all curves may be tangled.
 pub const MOST: usize = 7;
 
 /// Returns random curves: a chain, rings anywhere, random polygons, strands side by side, or a
@@ -36,9 +36,9 @@ pub fn random_set(
         true => random.pick(&[0, 1, 3]),
         false => random.below(5),
     };
-    // As dense as a few curves.
+    // The density is that of a set of few curves.
     let room = (curves as f64 / MOST as f64).cbrt().max(1.0);
-    // Random points; long curves take long to verify.
+    // Tangled curves are short, because long ones take long to verify.
     let tangled = matches!(shape, 2 | 4);
     let mut counts = Vec::new();
     let mut xyz = Vec::new();

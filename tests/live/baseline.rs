@@ -1,5 +1,5 @@
-//! The baseline of a watch: never a late frame without a word, and another one if the simulator
-//! accepts it.
+//! The baseline of a watch: a late first frame is never used without a warning, and the simulator
+//! may accept another baseline.
 
 use super::support::raw_bus::{Header, RawSimulator};
 use super::*;
@@ -9,8 +9,7 @@ use linkwatch::Departure;
 const FRAMES: u64 = 1000;
 const BREAK: u64 = 300;
 
-/// Runs a simulator that takes no time for a step and waits for nothing. It stops if it is asked
-/// to.
+/// Runs a simulator whose steps take no time, and which never waits. It stops if it is asked to.
 fn run_without_waiting(service: &str, before_the_end: impl FnOnce()) {
     let mut sim = Client::open(service, &ClientOptions::default()).unwrap();
     sim.describe(Basis::Polyline, Precision::F32, &[-4, -4])
@@ -103,7 +102,7 @@ fn a_watch_that_starts_late_knows_no_motion_before_it() {
         );
         assert_eq!(ended.summary()["gaps"], u64::from(late));
         assert_eq!(ended.stderr.matches("watching 2 curves").count(), 1);
-        // So does the replay.
+        // The replay gives the same result.
         let replayed = replay(&recording);
         assert_eq!(replayed.code, ended.code, "{}", replayed.stderr);
         assert_eq!(replayed.summary()["gaps"], u64::from(late));
@@ -153,7 +152,7 @@ fn a_watch_from_now_on_says_that_it_started_late() {
     assert!(ended.stderr.contains(late), "{}", ended.stderr);
 }
 
-/// A simulator written from the documentation may keep no baseline.
+/// A simulator that is written from the documentation may not keep its baseline.
 #[test]
 fn a_late_baseline_is_incomplete_also_in_the_recording() {
     let folder = TempDir::new().unwrap();

@@ -3,8 +3,8 @@
 use super::*;
 use linkwatch::{Cell, RecordedItem, RecordingReader};
 
-/// A cell that is sheared and then given by another basis of its lattice, as simulations do: the
-/// recording has the basis that the verifier follows, in which findings name images.
+/// A cell that is sheared and then given in another basis of its lattice, as simulations do. The
+/// recording must have the basis of the verifier, in which findings name images.
 #[test]
 fn recorded_cells_have_the_basis_in_which_findings_name_images() {
     let folder = TempDir::new().unwrap();

@@ -10,8 +10,8 @@ fn is_apart(seq: u64) -> bool {
     Random::new(seq).one_in(3)
 }
 
-/// The simulator of these tests: a process of its own, which asserts that each verdict is right. It
-/// writes a byte to a file for each verdict. It runs only if a service is given.
+/// The simulator of these tests, in a separate process. It asserts that each verdict is correct,
+/// and appends a byte to a file for each verdict. It runs only if a service is given.
 #[test]
 #[ignore = "not a test, but a process of the next tests"]
 fn simulator() {
@@ -57,7 +57,7 @@ impl Pair {
     fn new(test: &str) -> Pair {
         let folder = TempDir::new().unwrap();
         std::fs::write(folder.path().join("progress"), "").unwrap();
-        // The first frame of a watch may be one in which the squares are apart.
+        // The squares may be apart in the first frame of a watch, so all watches get this baseline.
         std::fs::write(folder.path().join("linked.txt"), "2\n0,1,-1\n").unwrap();
         Pair {
             folder,
@@ -178,7 +178,7 @@ fn kills(test: &str, kills: usize, seed: u64) {
         pair.advance(sim.as_mut().unwrap(), 2);
         std::thread::sleep(Duration::from_micros(random.below(20_000) as u64));
         let victims = random.below(4);
-        // Of both, either one first.
+        // If both are killed, either one comes first.
         let order = if random.one_in(2) { [0, 1] } else { [1, 0] };
         for victim in order
             .into_iter()
@@ -239,7 +239,7 @@ fn a_thousand_watches_and_simulators_that_are_killed_at_random_moments() {
     }
 }
 
-/// A kill loses the last second of a recording, not more.
+/// A kill loses at most the last second of a recording.
 #[test]
 fn frames_that_were_verified_a_second_before_a_kill_are_in_the_recording() {
     let folder = TempDir::new().unwrap();
@@ -271,8 +271,8 @@ fn frames_that_were_verified_a_second_before_a_kill_are_in_the_recording() {
     replayed.assert_recorded_verdicts();
 }
 
-/// A process that is stopped for seconds is not taken for dead, and nothing that was published is
-/// lost without being counted.
+/// A process that is stopped for seconds does not count as dead. Every published frame is verified
+/// or counted as skipped.
 #[test]
 fn stopped_processes_continue() {
     const STOP: Duration = Duration::from_secs(2);
@@ -319,7 +319,8 @@ fn stopped_processes_continue() {
     pair.check_outputs();
 }
 
-/// A simulator that does not wait is not held up by a stopped watch, and learns of its silence.
+/// A stopped watch does not delay a simulator that does not wait, and the simulator can see its
+/// silence.
 #[test]
 fn a_stopped_watch_holds_up_no_simulator() {
     let folder = TempDir::new().unwrap();
@@ -388,7 +389,7 @@ time_t time(time_t *at) {
 }
 "#;
 
-/// Only monotonic clocks decide; the wall clock is noted in recordings.
+/// All decisions use monotonic clocks. The wall clock is only recorded.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_wall_clock_that_jumps_changes_nothing() {
@@ -429,7 +430,7 @@ fn a_wall_clock_that_jumps_changes_nothing() {
     assert!(recorded >= 400, "{recorded}");
 }
 
-/// Thousands of curves that appear in one frame are verified from that frame on.
+/// Thousands of curves appear in one frame, and are verified from that frame on.
 #[test]
 fn curves_that_appear_all_at_once() {
     const PAIRS: usize = 10_000;
@@ -495,8 +496,8 @@ fn curves_that_appear_all_at_once() {
     assert_eq!(replayed.reports(), reports);
 }
 
-/// During a check that takes minutes a terminal shows its progress, the simulator gets heartbeats,
-/// and a signal finishes the recording.
+/// During a check of minutes, a terminal shows the progress, the simulator receives heartbeats, and
+/// a signal finishes the recording.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_check_of_minutes_shows_progress_and_ends_on_a_signal() {

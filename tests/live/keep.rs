@@ -1,5 +1,5 @@
-//! Frames and files that recordings keep (`--record FILE,every=..,window=..,max=..`), files in use,
-//! and killed recorders.
+//! Frames and files that recordings keep (`--record FILE,every=..,window=..,max=..`), files that
+//! are in use, and killed recorders.
 
 use super::support::polygons::square;
 use super::support::random::Random;
@@ -82,8 +82,8 @@ pub fn replay_all(recording: &Path, code: i32) -> Value {
     compared
 }
 
-/// A square moves around another one. In a straight line between two of its positions it would
-/// pass through the other one, which it never did.
+/// A square moves around another one. The straight path between two of its recorded positions
+/// passes through the other square, although the motion did not.
 #[test]
 fn a_replay_claims_no_pull_through_between_frames_that_were_not_recorded() {
     let folder = TempDir::new().unwrap();
@@ -144,7 +144,7 @@ fn a_thinned_recording_has_all_verdicts_and_the_frames_around_violations() {
                 purpose (recorded with every 10)";
     assert!(words.contains(says), "{words}");
     assert!(!words.contains("not verified"), "{words}");
-    // The recorded run did not search the steps between frames that were left out.
+    // The recorded run did not search the steps between frames that it skipped.
     let (_, words) = printed(&["replay", recording.to_str().unwrap(), "--events=all"]);
     let says = "not verified: pull-throughs in 3 gaps of the recording";
     assert!(words.contains(says), "{words}");
@@ -255,7 +255,7 @@ fn sessions_in_several_files_use_different_names() {
     }
 }
 
-/// `--force` overwrites an existing recording, but none that is in use.
+/// `--force` overwrites an existing recording, unless the recording is in use.
 #[test]
 #[cfg(unix)]
 fn a_recording_that_is_read_or_written_is_not_overwritten() {
@@ -314,8 +314,8 @@ fn a_recording_that_is_read_or_written_is_not_overwritten() {
     assert!(found == before, "the old file changed while it was read");
 }
 
-/// Kills a watch that records, at random moments, while frames arrive. Whatever is left is read,
-/// and a replay writes a complete file of it.
+/// Kills a recording watch at random moments while frames arrive. The incomplete file can be read,
+/// and a replay writes a complete copy of it.
 fn kills(test: &str, kills: u64, seed: u64) {
     let mut random = Random::new(seed);
     let modes = [

@@ -195,8 +195,9 @@ fn client(service: &str) -> Client {
     client
 }
 
-/// Returns two open strands. One moves around the end of the other and meets nothing; a straight
-/// motion from the first position to the last one would pass through it.
+/// Returns two open strands in several positions. One moves around the end of the other without
+/// contact. The straight path from the first position to the last one passes through the other
+/// strand.
 fn around_an_end() -> [Vec<f32>; 4] {
     [[-1.0, 0.0], [-1.0, 2.0], [1.0, 2.0], [1.0, 0.0]].map(|[x, z]| {
         let ends = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [x, -1.0, z], [x, 1.0, z]];

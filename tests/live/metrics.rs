@@ -1,4 +1,4 @@
-//! `watch --metrics`: figures over HTTP.
+//! `watch --metrics`: metrics over HTTP.
 
 use super::exposition::{Page, parse};
 use super::sessions::tangle;
@@ -102,7 +102,7 @@ fn counters_equal_the_summaries_of_all_sessions() {
         "--record",
         recording.to_str().unwrap(),
     ];
-    // Published before a watcher comes, so most of these frames are skipped.
+    // Published before a watcher starts, so most of these frames are skipped.
     let mut sim = client(&service);
     for frame in 0..5 {
         sim.publish(frame as f64, Positions::F32(&squares(0.0)))
@@ -113,7 +113,7 @@ fn counters_equal_the_summaries_of_all_sessions() {
     assert_eq!(step(&mut sim, 5, 0.0), Verdict::Intact);
     assert_eq!(step(&mut sim, 6, 2.5), Verdict::Changed);
     assert_eq!(step(&mut sim, 7, f32::NAN), Verdict::Rejected);
-    // A page may show the count of a frame before its verdict.
+    // A page may contain the count of a frame, but not yet its verdict.
     let during = until("the last frame", || {
         let page = scrape(&address);
         let counted = figure(&page, "linkwatch_frames_rejected_total", &service) == 1.0;
@@ -332,7 +332,8 @@ fn silent_slow_and_half_open_clients_delay_neither_verdicts_nor_metrics_nor_the_
         stream
     };
     let start = Instant::now();
-    // More than a server could outwait in this time: each may stay for 10 s, and 64 at a time.
+    // More connections than the server could handle one after another: each may stay open for 10 s,
+    // and 64 at a time.
     let mut clients: Vec<TcpStream> = (0..300).map(|_| begin("")).collect();
     clients.extend((0..20).map(|_| begin("GET /metrics HT")));
     for _ in 0..20 {

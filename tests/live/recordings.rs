@@ -24,7 +24,7 @@ fn recordings_of_earlier_versions_give_the_same_verdicts() {
         let expected = std::fs::read_to_string(recording.with_extension("jsonl")).unwrap();
         let replayed = replay(&recording);
         let expected = json_lines(&expected);
-        // The work that a verdict takes may change from version to version.
+        // The work for a verdict may differ between versions.
         let said = |report: &serde_json::Value| {
             let mut report = report.clone();
             report["stats"].take();
@@ -126,8 +126,8 @@ fn rejects_hostile_recordings_in_one_line() {
     }
 }
 
-/// A policy that is not the default is part of the recording, so that a replay without options
-/// gives the same verdicts.
+/// Options that differ from the defaults are part of the recording, so that a replay without
+/// options gives the same verdicts.
 #[test]
 fn a_replay_keeps_the_policy_of_the_recording() {
     let folder = TempDir::new().unwrap();
@@ -415,7 +415,7 @@ fn a_replay_begins_and_ends_at_simulation_times() {
         let reports = run.reports().into_iter();
         reports.map(|r| r["seq"].as_u64().unwrap()).collect()
     };
-    // Frame 15 was rejected; its verdict is in the range as well.
+    // The rejected frame 15 is in the range, and its verdict is replayed.
     assert_eq!(
         seqs(&["--from", "1.15s", "--to", "1.65s"]),
         [12, 13, 14, 15, 16]

@@ -105,8 +105,8 @@ fn recordings_of_later_sessions_overwrite_no_file() {
     assert_eq!(refused.code, Some(2), "{}", refused.stderr);
 }
 
-/// The linking numbers of a certificate apply to each session, and curves that do not fit end only
-/// their own session.
+/// The linking numbers of a certificate apply to each session. Curves that do not match the
+/// certificate end only their own session.
 #[test]
 fn a_certificate_applies_to_every_session() {
     let folder = TempDir::new().unwrap();
@@ -179,7 +179,8 @@ fn a_signal_ends_a_watch_between_sessions() {
     assert_eq!(ended.summaries().len(), 1);
 }
 
-/// Publishes a frame, waits for its verdict, and until the observers have verified it as well.
+/// Publishes a frame, waits for its verdict, and waits until the observers have verified it as
+/// well.
 fn observed_step(sim: &mut Client, observers: &[&Watch], frame: u64, shift: f32) -> Verdict {
     let verdict = step(sim, frame, shift);
     observers.iter().for_each(|o| printed_frame(o, frame));
@@ -335,8 +336,8 @@ fn resident_kb(watch: &Watch) -> u64 {
     line.split_whitespace().nth(1).unwrap().parse().unwrap()
 }
 
-/// A verifier, its frames and the memory of a simulator are several megabytes here. None of them
-/// may remain after its session.
+/// The verifier, the frames and the memory of a simulator take several megabytes here. All of it
+/// must be freed after the session.
 #[test]
 #[cfg(target_os = "linux")]
 fn memory_does_not_grow_with_the_sessions() {
@@ -378,8 +379,8 @@ fn memory_does_not_grow_with_the_sessions() {
         .map(|c| *c.iter().min().unwrap())
         .collect();
     println!("least resident memory of each 50 sessions: {least:?} kB");
-    // A third of a frame for each of the sessions. The first fifty are not compared: the first one
-    // of a process has less, because later ones fill its pools.
+    // On average, a session may keep at most a third of a frame. The first fifty sessions are not
+    // compared, because later ones fill the pools of the process.
     let grown = least[3].saturating_sub(least[1]);
     assert!(grown < 100 * 80, "{least:?} kB");
 }

@@ -107,7 +107,7 @@ fn a_killed_simulator_ends_the_watch_with_a_message_and_does_not_affect_the_next
         ended.stderr
     );
     assert!(ended.summary()["verified"].as_u64().unwrap() >= 20);
-    // Nobody takes the recording for a whole run.
+    // A replay reports that the recording is incomplete.
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
     for words in [&["check"][..], &["report", "--text"]] {
@@ -165,7 +165,7 @@ fn a_signal_ends_the_watch_properly() {
     }
 }
 
-/// The watcher says goodbye on the signal, so that a simulator in lockstep does not wait for it.
+/// On the signal, the watcher says goodbye, so that a simulator in lockstep stops waiting for it.
 #[test]
 fn a_signal_to_the_watcher_frees_a_simulator_in_lockstep() {
     let folder = TempDir::new().unwrap();
@@ -296,6 +296,7 @@ fn a_watcher_reports_times_and_ends_on_a_signal() {
         assert!(0.0 < median && median <= p99 && p99 <= max, "{summary}");
     }
     let share = ended.summary()["times_ms"]["share_of_interval"].as_f64();
-    // More than 1 if the machine was busy during the last frame, after which no interval ends.
+    // The share may exceed 1 if the machine was busy during the last frame, which no interval
+    // follows.
     assert!(share.unwrap() > 0.0, "{share:?}");
 }

@@ -14,7 +14,7 @@ fn used(process: u32) -> (u64, usize) {
 /// Publishes frames that move, every thousandth one with a pull-through and back, to a watch that
 /// records them. The memory of both is measured after a tenth of them, and at the end.
 fn soak(name: &str, frames: u64) {
-    /// Memory that may be added: allocators keep a little more with time.
+    /// Maximum growth of the memory: allocators keep a little more over time.
     const GROWTH: u64 = 8 << 20;
     let folder = TempDir::new().unwrap();
     let service = service(name);

@@ -4,7 +4,7 @@ use super::support::random::Random;
 use super::*;
 use linkwatch::{CurveLabels, VerdictMessage};
 
-/// Options with which the squares may pass through one another in one step.
+/// Options with which a passage of the squares in one step counts as a pull-through.
 const EVENTS: [&str; 3] = ["--events", "--motion-limit", "5"];
 
 /// Processes that watch the same services with the same options, one after another.
@@ -68,8 +68,8 @@ impl Restarted {
         self.watch.take().expect("a process that runs").end()
     }
 
-    /// Kills the process once it has printed as many lines: it notes a frame as verified after the
-    /// verdict was sent, and prints it then.
+    /// Kills the process once it has printed as many lines. A verified frame is saved in the state
+    /// after its verdict was sent, and printed after that.
     fn kill_after(&mut self, lines: usize) -> Ended {
         lines_of(self.watch(), lines);
         self.stop("KILL")
@@ -119,7 +119,7 @@ fn text(path: &Path) -> &str {
 
 /// Waits for the next watcher of a simulator.
 fn watched(sim: &mut Client) {
-    // A simulator that goes on meanwhile knows the new watcher by its messages.
+    // A simulator that does not wait learns of the new watcher by its messages.
     until("the new watcher", || {
         sim.poll().unwrap();
         let here = sim.wait_for_watcher(Duration::from_millis(50)).unwrap();
@@ -164,7 +164,8 @@ fn the_next_process_expects_what_the_first_one_did() {
     }
     watches.wait_for_file("run.mcap");
     watches.restart_after(5, &mut sim);
-    // A watch that began here would take the curves that came apart as its first frame.
+    // A watch without the state would use this frame, in which the curves are apart, as its
+    // baseline.
     assert_eq!(step(&mut sim, 5, 2.5), Verdict::Changed);
     assert_eq!(step(&mut sim, 6, 0.0), Verdict::Intact);
     watches.wait_for_file("run-2.mcap");
@@ -214,8 +215,8 @@ fn a_process_without_frames_knows_that_there_were_pairs() {
     assert!(!ended.stderr.contains(warning), "{}", ended.stderr);
 }
 
-/// A killed process leaves complete files. The next one does not touch them, and its own files have
-/// the baseline of the first one, so that each replays without the others.
+/// A killed process leaves complete files, which the next process does not modify. Its own files
+/// contain the baseline of the first process, so that each file replays without the others.
 #[test]
 fn processes_write_several_files_each_that_replay_by_themselves() {
     /// Squares of 192 kB a frame: five frames fill a file.
@@ -234,7 +235,7 @@ fn processes_write_several_files_each_that_replay_by_themselves() {
         }
     };
     publish(&mut sim, 0..EACH);
-    // The second file was begun, so that the first one is complete.
+    // Once the second file exists, the first one is complete.
     watches.wait_for_file("run-part2.mcap");
     watches.kill_after(EACH as usize);
     let first = std::fs::read(watches.path("run.mcap")).unwrap();
@@ -293,7 +294,7 @@ fn the_frame_in_hand_is_rejected_and_not_verified_again() {
     assert_eq!(counts(ended.summary()), [3, 0, 1], "{}", ended.stderr);
 }
 
-/// The watch did not crash, so the frame is skipped as in a watch that ends for good.
+/// The watch did not crash, so the frame is skipped, as in a watch that ends normally.
 #[test]
 fn the_frame_in_hand_is_skipped_if_a_signal_cancels_its_check() {
     let mut watches = Restarted::start("cancelled", &EVENTS);
@@ -387,7 +388,7 @@ fn pull_throughs_after_the_saved_frame_are_unknown() {
         }
         lines_of(watches.watch(), 3);
         let first = watches.stop(signal);
-        // A slow machine may have written a later state meanwhile.
+        // On a slow machine, a later state may have been written, so the saved one is restored.
         std::fs::write(&session, saved).unwrap();
         watches.next();
         watched(&mut sim);
@@ -432,7 +433,7 @@ fn a_cut_while_nobody_watches_ends_what_is_unknown() {
         watches.next();
         watched(&mut sim);
         let frame = if saved_last { 3 } else { 4 };
-        // The newest frame of the gap may be verified as well. It is that of the cut.
+        // The watch may verify the newest frame of the gap as well, which is then the cut.
         assert_eq!(step(&mut sim, frame, -5.0), Verdict::Intact);
         sim.finish().unwrap();
         let ended = watches.end();
@@ -503,7 +504,7 @@ fn another_simulator_gets_a_baseline_of_its_own_with_a_warning() {
     let words = "another simulator than before the watch was started again";
     stderr_with(watches.watch(), &[words, "the simulator ended after 1"]);
     let ended = watches.stop("TERM");
-    // The end of the first simulator was not seen.
+    // The first simulator ended while no watch was running.
     assert_eq!(ended.code, Some(3), "{}", ended.stderr);
     assert!(
         ended.lines.iter().all(|line| line["session"] == 2),
@@ -545,7 +546,7 @@ fn a_signal_keeps_the_files_and_the_next_process_continues() {
         unwatched(&mut sim, 0.0);
         watches.next();
         watched(&mut sim);
-        // The newest frame of the gap is verified first, unless this one is newer already.
+        // The newest frame of the gap is verified first, unless this frame is already newer.
         assert_eq!(step(&mut sim, 2, 2.5), Verdict::Changed);
         sim.finish().unwrap();
         let ended = watches.end();
@@ -629,7 +630,7 @@ fn a_file_of_something_else_is_refused_and_not_overwritten() {
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "my notes");
 }
 
-/// Counters of a process are its own; the number of restarts goes on.
+/// Counters are those of one process. Only the number of restarts is carried over.
 #[test]
 fn the_metrics_count_restarts() {
     let mut watches = Restarted::start("counted", &["--metrics", "0"]);
@@ -650,19 +651,21 @@ fn the_metrics_count_restarts() {
     }
 }
 
-/// Kills watches at random moments, with or without a search for pull-throughs. Every verdict is
-/// that of a watch that was not killed, or says that the frame is not known to be intact.
+/// Kills watches at random moments, with or without a search for pull-throughs. Every verdict
+/// equals that of a watch that was not killed, or says that the frame is not known to be intact.
 fn killed_watches(test: &str, events: bool, kills: usize, seed: u64) {
     let mut random = Random::new(seed);
     let args: &[&str] = if events { &[] } else { &["--events=off"] };
     let mut watches = Restarted::start(test, args);
     let mut sim = simulator(&watches.service);
     assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
-    // `None`: unknown in the last frame that was verified.
+    // `was_apart` is `None` if it is unknown whether the squares were apart in the last verified
+    // frame.
     let (mut frame, mut verified, mut was_apart) = (1, 1, Some(false));
     for _ in 0..kills {
         let mut moment = Some(random.below(20));
-        // Until a process has verified frames after the kill, so that each one makes progress.
+        // Continues until a process has verified frames after the kill, so that each round makes
+        // progress.
         let mut after = 0;
         while after < 2 {
             let apart = random.one_in(3);
@@ -670,7 +673,7 @@ fn killed_watches(test: &str, events: bool, kills: usize, seed: u64) {
             let seq = sim.publish(frame as f64, Positions::F32(&positions));
             assert_eq!(seq.unwrap(), frame);
             match moment {
-                // The kill meets the frame at any moment of its way.
+                // The kill may come at any stage of the frame.
                 Some(0) => {
                     std::thread::sleep(Duration::from_micros(random.below(1000) as u64));
                     watches.stop("KILL");
@@ -683,7 +686,8 @@ fn killed_watches(test: &str, events: bool, kills: usize, seed: u64) {
             match sim.wait(frame, PATIENCE).unwrap() {
                 Outcome::Verdict(m) if m.verdict == Verdict::Rejected => {}
                 Outcome::Verdict(m) => {
-                    // Coming together is a pull-through as well, unless the step is unknown.
+                    // A square that returns also passes through the other one, unless the step is
+                    // unknown.
                     let expected: &[Verdict] = match (apart, events, was_apart) {
                         (true, _, _) => &[Verdict::Changed],
                         (false, false, _) => &[Verdict::Intact],
@@ -712,7 +716,7 @@ fn killed_watches(test: &str, events: bool, kills: usize, seed: u64) {
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
     let [counted, skipped, rejected] = counts(ended.summary());
     assert_eq!(counted + skipped + rejected, frame, "{}", ended.summary());
-    // A frame in hand may have been answered a moment before the kill.
+    // A pending frame may have been answered just before the kill.
     assert!(counted + kills as u64 >= verified, "{}", ended.summary());
     watches.assert_removed();
 }

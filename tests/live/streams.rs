@@ -88,8 +88,8 @@ fn no_broken_stream_stops_the_verdicts_or_the_recording() {
     }
 }
 
-/// A limit on the file size simulates a full disk, because it needs no privileges. It leaves space
-/// for the shared memory of the watcher, and for a few hundred frames.
+/// A limit on the file size simulates a full disk, because that needs no privileges. The limit
+/// allows the shared memory of the watcher, and a few hundred frames.
 #[test]
 #[cfg(unix)]
 fn a_full_disk_ends_only_the_recording() {

@@ -57,7 +57,8 @@ fn a_pull_through_is_found_aborted_recorded_and_replayed_identically() {
     keep("squares", &recording, &live);
 }
 
-/// One square passes through the other between two frames, which no linking number detects.
+/// One square passes through the whole other one between two frames: two pull-throughs that cancel,
+/// which no linking number shows.
 #[test]
 fn reports_pull_throughs_that_cancel_unless_they_are_off() {
     let folder = TempDir::new().unwrap();
@@ -116,8 +117,8 @@ fn reports_pull_throughs_that_cancel_unless_they_are_off() {
 #[test]
 fn a_rollback_of_a_pull_through_is_aborted_once() {
     let folder = TempDir::new().unwrap();
-    // The simulator reports the rollback with `resume`, or does not: then the way back is a
-    // pull-through.
+    // The simulator reports the rollback with `resume`, or does not report it. In the latter case,
+    // the way back is a pull-through.
     for (name, resumes) in [("resumed", true), ("not resumed", false)] {
         let service = service(name);
         let recording = folder.path().join(format!("{name}.mcap"));
@@ -177,8 +178,8 @@ fn a_rollback_of_a_pull_through_is_aborted_once() {
     }
 }
 
-/// The frame after the rollback is skipped, or it is rejected: the next verified frame does not
-/// continue the one before the rollback.
+/// The frame after the rollback is skipped or rejected. The next verified frame still does not
+/// continue the frame before the rollback.
 #[test]
 fn a_rollback_in_a_frame_that_was_not_verified_is_detected() {
     let folder = TempDir::new().unwrap();
@@ -257,7 +258,7 @@ fn a_simulation_that_became_nan_is_asked_to_stop() {
         assert!(sim.aborted().is_none());
         sim.finish().unwrap();
         let live = watch.end();
-        // Only a frame that asked the simulator to stop was rolled back for that.
+        // A rollback ends a violation only if the frame asked the simulator to stop.
         let code = if stops { 0 } else { 3 };
         assert_eq!(live.code, Some(code), "{}", live.stderr);
         assert_eq!(live.reports()[1]["abort"], stops);
@@ -265,7 +266,7 @@ fn a_simulation_that_became_nan_is_asked_to_stop() {
         assert_eq!(replayed.code, Some(code), "{}", replayed.stderr);
         assert_eq!(replayed.reports(), live.reports());
         replayed.assert_recorded_verdicts();
-        // Another policy gives another abort flag, also for a frame of which only the verdict is
+        // With another `--abort-on`, the abort flag differs, even for a frame whose curves are not
         // recorded.
         let other = ["--abort-on", if stops { "never" } else { "any" }];
         let other = replay_with(&recording, &other);
@@ -374,7 +375,7 @@ fn the_share_of_skipped_frames_is_reported_and_can_be_limited() {
         sim.finish().unwrap();
         let ended = watch.end();
         let share = ended.summary()["skipped_share"].as_f64().unwrap();
-        // The newest earlier frame may have been verified as well.
+        // An earlier frame, the newest one then, may have been verified as well.
         if share == 0.6 {
             assert_eq!(ended.code, Some(code), "{limit}: {}", ended.stderr);
             let reported = "60.00 % of the frames were skipped, more than";

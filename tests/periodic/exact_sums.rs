@@ -1,10 +1,10 @@
-//! Images whose coordinates are no floating-point numbers: the sums need one digit more.
+//! Images whose coordinates are not floating-point numbers: the sums need one more digit.
 //!
 //! One curve has even coordinates near `2^53`, the other one small integers, and the cell has the
-//! length `2^53 - 1`. The image of the second curve is near the first one, at integers, half of
-//! which are odd and have no floating-point number. Relative to `2^53`, all coordinates are small
-//! integers, of which the oracle and a plain session have exact results. The shapes are
-//! degenerate: they touch, have common planes, and projections that coincide.
+//! length `2^53 - 1`. The image of the second curve is near the first one, at integers half of
+//! which are odd and so have no floating-point representation. Relative to `2^53`, all coordinates
+//! are small integers, for which the oracle and a session without a cell give exact results. The
+//! shapes are degenerate: they touch, have common planes, and have projections that coincide.
 
 use crate::scene::{Point, Scene};
 use crate::support::oracle;
@@ -30,7 +30,7 @@ fn random_shapes(random: &mut Random) -> Shapes {
     [even, any.collect()]
 }
 
-/// Returns the scene in which the first curve, and the image of the second one by `(1, 1, 1)`, have
+/// Returns a scene in which the first curve and the image of the second one by `(1, 1, 1)` have
 /// these coordinates relative to `2^53`.
 fn far(shapes: &Shapes) -> Scene {
     let cell = Cell::orthogonal([0.0; 3], [FAR - 1.0; 3]);
@@ -142,8 +142,8 @@ fn pull_throughs_of_rounded_images_are_exact() {
     assert!(total > 100, "{total} pull-throughs");
 }
 
-/// A yarn from small integers to even ones near `2^53`. Its next period begins where it ends, at
-/// coordinates half of which are no floating-point numbers.
+/// A yarn from small integers to even integers near `2^53`. Its next period begins where it ends,
+/// and half of its coordinates there have no floating-point representation.
 struct FarYarn {
     /// Its first vertices, relative to `2^53` in the next period. The first one is even.
     head: Vec<[i64; 3]>,
@@ -180,8 +180,8 @@ impl FarYarn {
         open(points.collect())
     }
 
-    /// Returns two segments of the yarn and of its next period, if two segments of
-    /// [`FarYarn::near`] are on both sides of the joint.
+    /// Returns the segments of the yarn and of its next period that correspond to two segments of
+    /// [`FarYarn::near`], if these are on both sides of the joint.
     fn segments(&self, [s, t]: [u32; 2]) -> Option<[u32; 2]> {
         let [m, l] = [self.head.len(), self.tail.len()].map(|n| n as u32);
         (s <= l && t > l).then(|| [s + m - 1, t - l - 1])
@@ -193,8 +193,8 @@ fn open(points: Vec<Point>) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &[points.len() as i32], positions).unwrap()
 }
 
-/// A yarn and its next period, whose coordinates are no floating-point numbers: the pull-throughs
-/// are those of the same curve in small integers.
+/// A yarn and its next period, whose coordinates must be rounded. The pull-throughs are those of
+/// the same curve in small integers.
 #[test]
 fn pull_throughs_of_rounded_periods_of_a_yarn_are_exact() {
     let mut random = Random::new(33);

@@ -22,7 +22,7 @@ fn renamed(scene: &Scene, seed: u64) -> Scene {
     moved
 }
 
-/// Returns true if no coordinate is rounded by a motion by a lattice vector.
+/// Returns true if a translation by a lattice vector rounds no coordinate.
 fn is_on_grid(scene: &Scene) -> bool {
     let numbers = scene.curves.as_slice().concat().concat();
     let vectors = scene.cell.vectors.as_flattened();
@@ -87,7 +87,7 @@ fn a_refused_first_frame_does_not_replace_the_baseline() {
     }
 }
 
-/// Another basis of the same lattice: the second vector plus the first one.
+/// Another basis of the same lattice: the second vector is replaced by its sum with the first one.
 #[test]
 fn another_basis_of_the_lattice_has_the_same_linking_numbers() {
     let mut linked = 0;
@@ -139,7 +139,7 @@ fn permuting_the_axes_changes_no_linking_number() {
     }
 }
 
-/// A cell of twice the length has two copies of each curve, and each entry twice.
+/// A cell of twice the length contains two copies of each curve, so each entry occurs twice.
 #[test]
 fn doubling_the_cell_doubles_every_linking_number() {
     for seed in 0..120 {
@@ -210,8 +210,8 @@ fn curves_that_drift_across_the_boundary_stay_intact() {
     }
 }
 
-/// The cell is sheared and grows, and the curves follow: no frame differs from the first one, until
-/// one ring is pulled out across the boundary.
+/// The cell is sheared and grows, and the curves deform with it. No frame differs from the first
+/// one, until one ring is pulled out across the boundary.
 #[test]
 fn a_cell_that_changes_from_frame_to_frame_keeps_its_topology() {
     for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
