@@ -318,7 +318,7 @@ mod tests {
         let c = Certificate::parse(text).unwrap();
         assert_eq!(c.curves, 39);
         assert_eq!(c.to_string(), text);
-        // Files of verifycurves and of earlier versions.
+        // Files written by verifycurves and by earlier versions of linkwatch.
         for plain in ["39\n5,6,-2\n7,9,1\n", "39\n 7, 9, 1\n5,6,-2\n1,2,0"] {
             assert_eq!(Certificate::parse(plain).unwrap(), c);
         }

@@ -273,7 +273,7 @@ mod tests {
         }
     }
 
-    /// Recognises a file under all its names, for inputs and outputs that exist or not.
+    /// A file is recognised under each of its names, as input and output, whether it exists or not.
     #[test]
     #[cfg(unix)]
     fn recognises_a_file_under_all_its_names() {
@@ -331,7 +331,7 @@ mod tests {
         }
         assert!(!at("missing.txt").exists(), "a check leaves no file");
         assert_eq!(std::fs::read(at("there.txt")).unwrap(), b"x");
-        // A dangling link is kept, and its target is written.
+        // A dangling symbolic link is kept, and the file that it names is written.
         write_text(&at("dangling.txt"), Overwrite::default(), "y").unwrap();
         assert_eq!(std::fs::read(at("missing.txt")).unwrap(), b"y");
         let e = write_text(&at("soft.txt"), Overwrite::default(), "y").unwrap_err();

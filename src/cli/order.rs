@@ -301,7 +301,7 @@ mod tests {
                 ["out.obj", "out1.obj", "out10.obj", "out2.obj"],
                 ["out.obj", "out1.obj", "out2.obj", "out10.obj"],
             ),
-            // The order of a shell in English.
+            // The order in which a shell with an English locale lists these files.
             (
                 ["out10.obj", "out1.obj", "out2.obj", "out.obj"],
                 ["out.obj", "out1.obj", "out2.obj", "out10.obj"],

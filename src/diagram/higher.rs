@@ -242,7 +242,7 @@ mod tests {
         assert_eq!(compare(of(["1", UNCOMPUTED, "3"]), knot()), (0, 1));
         assert_eq!(compare(knot(), of(["2", UNCOMPUTED, "3"])), (1, 1));
         assert_eq!(of(["1", UNCOMPUTED, "3"]).uncomputed(), 1);
-        // A curve that touched is known for the first time.
+        // A curve that touched itself has known invariants for the first time.
         let mut touched = knot();
         touched.unknown.insert(5);
         assert_eq!(compare(touched, knot()), (0, 1));

@@ -211,8 +211,8 @@ fn turned(curves: &[Vec<[f64; 3]>], by: usize) -> Vec<Vec<[f64; 3]>> {
         .collect()
 }
 
-/// Invariants do not depend on the projection, on the start of a curve or on moves, and the linking
-/// numbers are those of certificates.
+/// Invariants do not depend on the projection, on the start of a curve, or on Reidemeister moves.
+/// Linking numbers equal those of certificates.
 #[test]
 fn invariants_do_not_depend_on_the_diagram() {
     let mut random = Random::new(7);
@@ -514,7 +514,7 @@ fn a_session_compares_invariants() {
         feed(&mut of_frames, 4, &frame).verdict,
         crate::Verdict::Intact
     );
-    // The certificate of a file is the baseline, and says what is compared.
+    // The baseline is the certificate of a file, which also determines what is compared.
     let mut certificate = crate::Certifier::default()
         .certify(&set(&unknotted))
         .0
@@ -533,7 +533,7 @@ fn a_session_compares_invariants() {
         ..Default::default()
     });
     assert_eq!(feed(&mut of_file, 0, &frame).invariants[0].curves, [3]);
-    // A session that continues another one knows what is expected.
+    // A resumed session keeps the expected invariants.
     let mut resumed = crate::Session::resume(options, of_frames.state()).unwrap();
     assert_eq!(feed(&mut resumed, 5, &unknotted).invariants.len(), 1);
 }

@@ -1,5 +1,5 @@
-//! Tests with pull-throughs planted into the frames of a stream, and a measurement of the cost of
-//! references.
+//! Streams of frames with constructed pull-throughs, and a measurement of the cost of reference
+//! frames.
 
 use super::ledger::tests::planted::{Plant, PlantedStep, planted_step};
 use super::reference::{MOST_NEAR, Reference};
@@ -118,7 +118,7 @@ fn check_planted(steps: usize) {
     );
 }
 
-/// Receives a frame into memory of its own.
+/// Receives a frame into a new set.
 fn receive(verifier: &mut Engine, set: &CurveSet, xyz: &[f64]) -> crate::error::Result<CurveSet> {
     let mut memory = Some(set.clone());
     let frame = RawFrame {
@@ -164,7 +164,7 @@ fn a_quiet_frame_needs_no_arrays() {
     }
 }
 
-/// A program may ignore the error, and verify the set nevertheless.
+/// A program may ignore the error, and verify the set anyway.
 #[test]
 fn a_set_after_a_rejected_frame_is_never_intact() {
     let (set, xyz) = double("chainmail:rows=1,columns=2");

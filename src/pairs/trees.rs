@@ -260,7 +260,7 @@ mod tests {
         trees.refit_some(all, &[1]);
         assert_eq!(trees.bytes(), whole);
         check(trees.of(&set, 1), 63, trees.of(&set, 1).root());
-        // The curves that have trees keep them, whoever asks for some of them.
+        // Curves that have trees keep them, if a call requests trees of other curves.
         trees.refit(some);
         let few = trees.bytes();
         let even: Vec<u32> = (0..400).step_by(2).collect();

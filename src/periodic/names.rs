@@ -467,8 +467,8 @@ mod tests {
         assert!(several > 1000 && total > 10_000, "{several} {total}");
     }
 
-    /// Returns true if the same ring and yarn have another entry, with another linking number, so
-    /// that the difference of both translations means something: no period has the direction of the
+    /// Returns true if the same ring and yarn have another entry with another linking number. The
+    /// difference of the two translations is then meaningful, because no period is parallel to the
     /// third vector.
     fn is_in_a_loop(entries: &[Entry], k: usize, periods: &[YarnPeriod]) -> bool {
         let (ImagePair { i, j, .. }, lambda) = entries[k];

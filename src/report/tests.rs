@@ -81,7 +81,7 @@ struct Recorded {
     /// Number of skipped frames before the last one, and of verified frames that are not recorded.
     skipped: u64,
     missing: u64,
-    /// Number of verified frames before the last one that are left out on purpose.
+    /// Number of verified frames before the last one that the recording skips on purpose.
     left_out: u64,
     /// Frame from which on a violation is recovered.
     recovered: Option<usize>,

@@ -106,7 +106,8 @@ fn kernels_find_the_linking_numbers_of_the_constructions() {
     }
 }
 
-/// All accepted scenes are correct, however coarse: a filter may reject too much, never too little.
+/// All scenes that are accepted are correct, however coarse. A filter may reject too many scenes,
+/// but never too few.
 #[test]
 fn the_coarsest_accepted_scenes_are_correct() {
     for (kind, rest) in [

@@ -539,8 +539,8 @@ mod tests {
         assert!(steps.iter().any(|s| !s.report.events.is_empty()));
     }
 
-    /// A bar goes through a ring in two strands, there and back: its linking number is 0. On a
-    /// coarse grid both strands are outside of the ring, and the linking number is still 0.
+    /// A bar goes through a ring in two strands, there and back, so its linking number is 0. On a
+    /// coarse grid, both strands are outside the ring, and the linking number is still 0.
     #[test]
     fn pull_throughs_that_cancel_are_not_missed() {
         // Corners of the bounding box. On a grid of four cells, coordinates become 2, 6, 10 and 14.

@@ -190,8 +190,8 @@ fn sizes_have_results_as_constructed_and_leave_no_file_of_frames() {
     assert!(folder.path().join("plots/sizes-time.svg").exists());
 }
 
-/// All pull-throughs of this knit cancel, because it is symmetric: its rows stay unlinked in every
-/// step, and only the motion from step to step shows that they break.
+/// The pull-throughs of this knit cancel, because it is symmetric: its rows have linking number 0
+/// in every step, and only the motion from step to step shows that it breaks.
 #[test]
 fn a_sweep_names_the_step_that_breaks_and_its_curves() {
     let folder = tempfile::tempdir().unwrap();

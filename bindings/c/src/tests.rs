@@ -279,7 +279,7 @@ fn frames_are_published_without_a_watcher() {
             last_error()
         );
         for k in 0..100 {
-            // Begun twice: the first memory is discarded.
+            // The frame is begun twice, and the first memory is discarded.
             assert!(!lw_begin_double(client, f64::from(k)).is_null());
             let points = lw_begin_double(client, f64::from(k));
             assert!(
@@ -505,7 +505,7 @@ fn curves_that_come_and_go_in_process_are_compared_by_name() {
         "{}",
         text(&verdict)
     );
-    // The description stays until there is another one.
+    // The description is kept until it is replaced.
     let verdict = session.step(frame(&linked));
     assert_eq!(verdict.verdict, LW_REJECTED);
     assert!(
@@ -625,7 +625,7 @@ fn a_certificate_in_a_cell_lists_the_links_with_images() {
         assert_eq!(count, 0);
         lw_certificate_free(certificate);
 
-        // Rings beside the images of one another are not linked with them.
+        // A ring beside the image of another ring is not linked with it.
         let apart = rings(7.5);
         let certificate = lw_certify(&frame(&apart), CELL.as_ptr());
         assert!(lw_certificate_images(certificate, &mut count).is_null());

@@ -48,7 +48,7 @@ fn bands_stay_unlinked_with_small_time_steps_only() {
     assert!(first_change(Bands::new(128), 60, 4).is_some());
 }
 
-/// A roll back depends on it.
+/// Rolling back requires this.
 #[test]
 fn a_copy_of_the_bands_moves_as_the_bands_do() {
     let mut bands = Bands::new(64);

@@ -387,7 +387,7 @@ mod tests {
         positions
     }
 
-    /// A roll back depends on it.
+    /// Rolling back requires this.
     #[test]
     fn a_copy_of_a_sheet_moves_as_the_sheet_does() {
         let mut sheet = packed(4);

@@ -67,7 +67,7 @@ fn a_tube_at_rest_keeps_its_shape() {
     assert!((yarn.stretch() - 1.0).abs() < 0.02);
 }
 
-/// A roll back depends on it: a clone moves as the original does, for any age of its list of
+/// Rolling back requires this: a clone moves like the original, whatever the age of its list of
 /// contacts.
 #[test]
 fn a_state_leads_to_the_same_motion_again() {

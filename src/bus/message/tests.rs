@@ -112,7 +112,7 @@ fn the_first_new_finding_is_transmitted_with_the_number_of_all() {
     assert_eq!(sent(vec![lost(3)]), (change(3), 1));
     assert_eq!(sent(vec![lost(2), lost(3)]), (change(2), 2));
     assert_eq!(sent(vec![lost(2), lost(3), lost(4)]), (change(4), 3));
-    // None is new.
+    // None of the findings is new.
     assert_eq!(sent(vec![lost(3), lost(4)]), (change(3), 2));
     assert_eq!(sent(vec![]), (None, 0));
     assert_eq!(sent(vec![lost(3)]), (change(3), 1));

@@ -44,7 +44,8 @@ mod tests {
         let start = clock.due(100.0);
         assert_eq!(clock.due(102.0), start + Duration::from_millis(500));
         assert_eq!(clock.due(101.0), start + Duration::from_millis(250));
-        // At once: the clock of the recorder was set back, or the time is not a number.
+        // Publishes at once if the clock of the recorder was set back, or if the time is not a
+        // number.
         for recorded in [99.0, f64::NAN] {
             assert!(clock.due(recorded) <= Instant::now());
         }

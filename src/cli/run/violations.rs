@@ -97,7 +97,7 @@ impl Violations {
 mod tests {
     use super::*;
 
-    /// Returns the violations of a run of these frames: a verdict and how the frame follows.
+    /// Returns the violations of a run whose frames have these verdicts and continuations.
     fn run(frames: &[(Verdict, Continuation)]) -> Violations {
         let mut violations = Violations::default();
         let mut broken = false;
@@ -121,7 +121,7 @@ mod tests {
         let cases: [(&[_], _, [u32; 2]); 11] = [
             (&[intact, changed, (Intact, Cut)], Outcome::Fine, [1, 0]),
             (&[changed, changed, (Intact, Cut)], Outcome::Fine, [1, 0]),
-            // Not rolled back.
+            // Not rolled back, so it counts.
             (&[intact, changed, intact], Outcome::Changed, [0, 0]),
             // Rolled back to a changed state, and then to an intact one.
             (&[changed, (Changed, Cut)], Outcome::Changed, [0, 0]),
@@ -146,7 +146,8 @@ mod tests {
                 Outcome::Fine,
                 [1, 0],
             ),
-            // An undecided frame asks for nothing, so it was not rolled back.
+            // An undecided frame does not ask the simulator to stop, so it was not rolled back for
+            // that.
             (
                 &[(Undecided, Continues), (Intact, Cut)],
                 Outcome::Undecided,

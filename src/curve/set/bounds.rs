@@ -216,7 +216,8 @@ mod tests {
 
     #[test]
     fn coarse_curves_have_no_suspicious_segments() {
-        // A side of a square spans the whole square, but so do all of its segments.
+        // A side of a square spans the whole square. That is no warning, because all of its sides
+        // do.
         let xyz = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.];
         let square = CurveSet::from_counts(Basis::Polyline, &[-4], Positions::F64(&xyz)).unwrap();
         assert_eq!(square.long_segment(), None);

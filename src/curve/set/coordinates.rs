@@ -311,7 +311,7 @@ mod tests {
             for basis in Basis::ALL {
                 let counts = counts(&mut random, basis);
                 let points: usize = counts.iter().map(|c| c.unsigned_abs() as usize).sum();
-                // Multiples of 2^-10, which single precision represents.
+                // Multiples of 2^-10, which are exact in single precision.
                 let mut frame = || -> Vec<f64> {
                     let mut value = || f64::from(random.below(1 << 20)) / 1024.0 - 512.0;
                     (0..3 * points).map(|_| value()).collect()

@@ -316,7 +316,8 @@ mod tests {
         }
     }
 
-    /// The terms of an exact point are what the rounded point stands for, within the bound.
+    /// The terms of an exact point add up to the point whose rounded value is stored, within the
+    /// bound.
     #[test]
     fn rounded_sums_are_within_their_bound() {
         let mut random = crate::random::Random::new(5);

@@ -55,7 +55,7 @@ fn a_received_frame_equals_a_fresh_set() {
                 _ => set.update_by(positions, copy(positions)).unwrap(),
             }
             assert_ne!(set.contents(), before);
-            // The copy has no arrays if the set has none yet.
+            // Without coordinate arrays in the set, the copy has none either.
             let copy = set.clone();
             let fresh = CurveSet::from_counts(basis, &counts, positions).unwrap();
             for set in [&set, &copy] {

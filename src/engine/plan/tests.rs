@@ -28,7 +28,7 @@ fn small_loops_use_the_direction_formula() {
     let plan = Plan::of(&scene("chainmail:rows=4,columns=5"));
     assert!(plan.potential_links > 0);
     assert_eq!(plan.by_formula, plan.potential_links - plan.discarded);
-    // One segment more, and the trees have another level.
+    // With one more segment, the trees have one more level.
     for (segments, formula) in [(SMALL, 1), (SMALL + 1, 0)] {
         let segments = 2 * segments;
         let plan = Plan::of(&scene(&format!("ribbon:segments={segments},lambda=1")));
@@ -179,7 +179,7 @@ fn long_links_are_summed_unless_an_adapter_counts_them_faster() {
     assert_eq!(alone.kernel, Method::Fmm);
     assert_eq!(alone.device, None);
     let mut c = Calibration::made_up(0.1, 1e6);
-    // Between the sum and the count on the CPU.
+    // The limit is between the time of the sum and the time of counting on the CPU.
     let summed = device(&set, &c).cpu_ms.unwrap();
     for (ms, want) in [(0.9, Method::Crossings), (1.1, Method::Fmm)] {
         c.crossings.round_trip_ms = ms * summed;
@@ -195,7 +195,7 @@ fn splines_use_the_cpu_and_a_requested_adapter_is_used() {
     let splines = scene("knit:rows=30,stitches=16,segments=3840");
     let found = device(&splines, &fast);
     assert_eq!((found.chosen, found.adapter_ms), (false, None));
-    // Also if it loses, or was never measured.
+    // The adapter is also named if it is slower, or was never measured.
     let slow = Calibration::made_up(1e4, 1e-3);
     let polylines = scene("chainmail:rows=3,columns=3");
     for calibration in [Some(&slow), None] {

@@ -19,7 +19,7 @@ impl Engine {
         self.step_shared(seq, time, &Arc::new(set.clone()))
     }
 
-    /// The same, of curves that are shared.
+    /// Same as above, for shared curves.
     pub(crate) fn step_shared(
         &mut self,
         seq: u64,
@@ -31,7 +31,7 @@ impl Engine {
         Ok(report)
     }
 
-    /// Falsifies a linking number of the last frame.
+    /// Changes a linking number of the last frame to a wrong one.
     fn falsify(&mut self) {
         let mut last = Last::clone(self.known.last.as_ref().expect("a frame before"));
         last.linking.comparison.changes.push(Change {
@@ -77,7 +77,8 @@ fn engine(strategy: Strategy, events: Events) -> Engine {
     .unwrap()
 }
 
-/// An engine that has seen three intact frames, and whose monitor no longer detects motion.
+/// Returns an engine that has verified three intact frames, and whose monitor no longer detects
+/// motion, because its allowances are infinite.
 fn blind(strategy: Strategy) -> Engine {
     let mut engine = engine(strategy, Events::Between);
     for frame in 0..3 {
@@ -113,7 +114,7 @@ fn a_frame_with_too_many_pairs_is_an_error_and_the_next_one_is_verified() {
                 };
                 Engine::new(options).unwrap()
             };
-            // The other one does not see the frame with too many pairs.
+            // The other engine does not receive the frame with too many pairs.
             let [mut limited, mut other] = [2, SessionOptions::MAX_PAIRS].map(new);
             for (seq, out) in [(0, 100.0), (1, 0.0), (2, 100.1), (3, 0.0), (4, 100.2)] {
                 let set = squares(out);
@@ -337,7 +338,7 @@ fn a_cancelled_search_for_pull_throughs_gives_no_report() {
             let (done, total) = progress.pairs();
             done == total
         };
-        // All are known before the step begins, too.
+        // All linking numbers are known from the start.
         for known in [true, false] {
             while computed() == known && !step.is_finished() {
                 std::thread::sleep(Duration::from_micros(100));

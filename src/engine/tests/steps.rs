@@ -5,8 +5,8 @@ use crate::verdict::AbortOn;
 
 #[test]
 fn the_first_frame_has_no_pull_throughs() {
-    // The first frame has no previous frame. With a baseline from elsewhere it has a change, but no
-    // pull-through.
+    // The first frame has no previous frame, so with a baseline of another run it has a change, but
+    // no pull-through.
     let baseline = Certifier::default().certify(&squares(0.0)).0.clone();
     let mut engine = Engine::new(SessionOptions {
         abort_on: AbortOn::Event,
@@ -69,7 +69,7 @@ fn a_rejected_frame_follows_the_policy() {
 fn reports_signs_that_contradict_the_linking_number() {
     let mut engine = engine(Strategy::Full, Events::Between);
     let _ = engine.step(0, 0.0, &squares(0.0)).unwrap();
-    // As if the previous frame had had another linking number.
+    // Simulates that the previous frame had another linking number.
     engine.falsify();
     let report = engine.step(1, 0.0, &squares(0.0)).unwrap();
     let kinds: Vec<_> = report.defects.iter().map(|d| (d.i, d.j, d.kind)).collect();
@@ -134,8 +134,8 @@ fn a_shared_frame_is_not_copied() {
     assert!(Arc::ptr_eq(last.frame.given(), &frames[2]));
 }
 
-/// A finger of a closed curve that is pushed past a long strand, so that it passes the strand twice
-/// in one step.
+/// A finger of a closed curve is pushed past a long strand, so that both sides of the finger pass
+/// the strand in one step.
 fn finger(y: f64) -> CurveSet {
     let loop_ = [
         [-0.5, y, 0.25],
@@ -182,7 +182,7 @@ fn pull_throughs_that_cancel_after_a_long_motion_are_unresolved() {
         );
         assert!(report.headline().contains("2 unresolved pull-throughs"));
         assert!(report.findings().all(|f| f.contains("2.5 segment lengths")));
-        // The finding belongs to that step only. But what happened in it is still unknown.
+        // The finding belongs to that step only. What happened in the step remains unknown.
         assert_eq!(reports[2].verdict, Verdict::Intact);
         assert_eq!(
             (reports[2].last_intact, reports[2].safe_fraction),
@@ -212,10 +212,10 @@ fn a_report_names_the_frame_and_the_share_of_the_step_to_roll_back_to() {
         assert_eq!((verdict, last_intact), (Verdict::Changed, Some(4)));
         let fraction = fraction.unwrap();
         assert!((0.25 - 1e-6..0.25).contains(&fraction), "{fraction}");
-        // Apart as before, so nothing else is known.
+        // The curves are still apart, and the last intact frame is still frame 4.
         let apart = (Verdict::Changed, Some(4), None);
         assert_eq!(step(&mut engine, 6, 2.5), apart);
-        // Even if they are linked again.
+        // Even a frame in which they are linked again is not known to be intact.
         let linked = step(&mut engine, 7, 0.5);
         assert_eq!((linked.1, linked.2), (Some(4), None));
         engine.known.cut();
@@ -245,7 +245,8 @@ fn no_frame_is_known_to_be_intact_after_a_change_until_a_cut() {
 /// Regression: the report omits the undecided step, because the pair has another defect.
 #[test]
 fn an_undecided_step_of_a_pair_without_a_baseline_ends_what_is_known() {
-    // The curves touch in the first frame. A joint forms, moves, and opens with that contact.
+    // The curves touch in the first frame. Then a joint forms and moves, and it opens together with
+    // that contact.
     let frame = |[a, b, touching]: [Point; 3]| {
         let first = [a, [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0]];
         let second = [b, [1.0, -3.0, 2.0], touching, [3.0, 3.0, 2.0]];

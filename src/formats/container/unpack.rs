@@ -114,7 +114,7 @@ mod tests {
                 for flip in [0x01, 0xff] {
                     let mut bytes = whole.clone();
                     bytes[at] ^= flip;
-                    // Some bytes mean nothing: times, checksums of the compressor.
+                    // Changes of some bytes have no effect: times, checksums of the compressor.
                     if let Ok(n) = messages(&bytes) {
                         assert!(n == 30 || n == 0, "{compression}, byte {at}: {n}");
                     }

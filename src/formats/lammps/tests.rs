@@ -9,8 +9,8 @@ use crate::formats::tests::{assert_error_contains, curves, frames_of};
 use crate::formats::{Format, Frames, ModelFrame, read};
 use proptest::prelude::*;
 
-/// Linking numbers of the rings: the middle one is linked with both others. (The Gauss integrals in
-/// Python are the same.)
+/// Linking numbers of the rings: the middle one is linked with both others. A separate computation
+/// of the Gauss integrals in Python gives the same numbers.
 const CERTIFICATE: &str = "3 # lines: 2\n0,1,-1\n1,2,1\n";
 
 fn file(name: &str) -> PathBuf {
@@ -767,7 +767,7 @@ fn molecules_of_a_dump_without_bonds_are_chains_in_the_order_of_the_ids() {
                 .collect::<Vec<_>>()
         })
     };
-    // Molecule 0 stands for atoms of none, and one atom is no curve.
+    // Atoms with molecule 0 belong to no molecule, and a single atom is not a curve.
     for (given, closed) in [(None, false), (Some(false), false), (Some(true), true)] {
         let expected = vec![(closed, vec![1, 9]), (closed, vec![3, 5, 8])];
         assert_eq!(open(given).unwrap(), [expected.clone(), expected]);
@@ -819,7 +819,7 @@ fn only_periodic_directions_tear_bonds() {
     // Old dumps do not say which directions are periodic.
     let old = DUMP.replace(" pp pp ff", "");
     assert!(dump(&old).unwrap()[0].curves.is_err());
-    // A box without a volume proves nothing.
+    // A box without a length along a periodic axis is an error.
     let flat = DUMP.replacen("0 9\n", "0 0\n", 1);
     for wrapped in [false, true] {
         let frame = dump_frames(&flat, wrapped).unwrap().remove(0);

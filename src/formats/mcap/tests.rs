@@ -206,7 +206,7 @@ fn messages_add_replace_and_delete() {
     assert!(state.is_changed_by(&update(vec![put("c", 0, 0.0)])));
     assert!(!state.is_changed_by(&update(vec![put("d", 0, 0.0)])));
     assert!(state.is_changed_by(&update(vec![Change::DeleteAll(None)])));
-    // Gone after its lifetime; a replacement keeps its place in the order.
+    // Entity "a" disappears after its lifetime. A replacement keeps its position in the order.
     state.begin(5);
     assert_eq!(names(&state), ["a", "b", "c"]);
     state.begin(6);
@@ -331,7 +331,7 @@ fn messages_of_one_time_are_one_frame_unless_they_change_a_curve_again() {
         ]),
         [(1.0, 2), (2.0, 3)]
     );
-    // All messages with the same time: each change of a curve is a frame.
+    // If all messages have the same time, each change of a curve is a frame.
     assert_eq!(
         count(&[(1, 9, &["a"]), (2, 9, &["a"]), (3, 9, &["b"])]),
         [(9.0, 1), (9.0, 2)]
@@ -462,7 +462,7 @@ fn the_last_frame_before_a_cut_is_kept_if_it_moved_every_curve() {
     assert!(e.ends_with(says), "{e}");
     messages.push(message(3, &["b", "c"]));
     assert_eq!(cut(&messages).0, 3);
-    // Nothing says which curves the first frame has.
+    // Nothing says which curves were present in the first frame.
     let (frames, e) = cut(&messages[..1]);
     assert_eq!(frames, 0);
     assert!(

@@ -36,7 +36,7 @@ fn a_long_line_is_one_curve() {
         "l 1 2 3 4 1\nl 5 6 7\n",
         &[(true, &[1, 2, 3, 4]), (false, &[5, 6, 7])],
     );
-    // A shared vertex does not join long lines.
+    // A vertex that long polylines share does not join them.
     expect(
         "l 1 2 3\nl 3 4 5\n",
         &[(false, &[1, 2, 3]), (false, &[3, 4, 5])],
@@ -244,7 +244,7 @@ fn other_free_form_curves_are_counted_with_the_first_line() {
             left_out.len() == 1 && said.contains(why),
             "{said:?} lacks {why:?}"
         );
-        // Without a curve that is read, the reason is in the error.
+        // If no curve is read, the error names the reason.
         let alone = text.replace("l 1 2 3 1", "f 1 2 3") + statements;
         let error = curves_in(alone.as_bytes().into()).unwrap_err().to_string();
         assert!(

@@ -169,7 +169,7 @@ fn text_that_does_not_say_which_curves_are_closed_is_refused() {
             [(true, ring.clone()), (true, ring.clone())]
         );
     }
-    // The first frame decides for the later ones.
+    // The first frame decides whether curves are closed in later ones.
     let motion = format!("4\n{repeated}4\n{repeated}4\n{open}9 9 9\n");
     let found = frames(&motion, None, None).unwrap();
     let counts = |frame: &ModelFrame| frame.curves.as_ref().unwrap().counts().collect();
@@ -266,7 +266,7 @@ fn what_may_divide_or_lose_points_is_refused_with_the_line() {
     ] {
         let error = frames(text, Some(true), None).unwrap_err().to_string();
         assert!(error.contains(says), "{text:?}: {error}");
-        // The order of the curves is not part of the lines.
+        // Only with an error about the order of the curves, every line by itself is valid.
         assert_eq!(begins(text.as_bytes()), says.contains("after"), "{text}");
     }
     assert!(frames("# nothing\n", Some(true), None).unwrap().is_empty());

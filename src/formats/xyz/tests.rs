@@ -251,7 +251,7 @@ fn curves_that_the_boundary_tears_are_refused_unless_the_caller_unwraps_them() {
         .unwrap()
         .remove(0);
     assert_eq!(frame.curves.unwrap().point(0, 1)[0], 8.0);
-    // The cell of a frame is its own, and a direction without repetition tears nothing.
+    // Each frame has its own cell, and an axis that is not periodic does not tear curves.
     let free = text(8.0).replace("pbc='T F F'", "pbc='F T F'");
     let two = frames(&format!("{}\n{free}\n", text(1.0))).unwrap();
     assert!(two.iter().all(|frame| frame.curves.is_ok()));

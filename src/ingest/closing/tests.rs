@@ -331,13 +331,13 @@ fn a_curve_that_only_the_format_closes_stays_open_if_that_takes_a_long_segment()
         closing.take_notes(),
         [note(ClosingKind::Opened, count, first, factor)]
     );
-    // The first frame decides.
+    // The first frame decides that the curve is closed.
     let swapped = [&ring(10, 1.0)[..], &ring(10, 1.0)].concat();
     assert_eq!(
         close(&mut closing, &[-10, -10], &swapped, source).unwrap(),
         [10, -10]
     );
-    // The source closes it: it stays closed.
+    // The source marks the curve as closed, so it stays closed.
     source.closed_by_default = false;
     let mut closing = Closing::default();
     assert_eq!(
@@ -371,7 +371,7 @@ fn a_ring_across_the_boundary_of_the_cell_stays_closed() {
     assert!(closing.take_notes().is_empty());
 }
 
-/// The factor of the closing segment spares the median of most curves.
+/// The factor for the closing segment has little effect on the median of the segment lengths.
 #[test]
 fn a_repeated_point_is_found_whether_the_median_is_needed_or_not() {
     let mut random = crate::random::Random::new(31);
@@ -395,7 +395,7 @@ fn a_repeated_point_is_found_whether_the_median_is_needed_or_not() {
     assert!(found.iter().all(|&n| n > 300), "{found:?}");
 }
 
-/// Squares of lengths overflow or underflow in the outer ones.
+/// With the outer factors, squares of lengths overflow or underflow.
 #[test]
 fn the_closing_segment_is_compared_at_all_scales() {
     let square = [

@@ -74,10 +74,10 @@ impl Outcomes {
     }
 }
 
-/// Counts of random links by kind, each with its outcomes.
+/// Kinds of random links, and the numbers of outcomes of each.
 #[derive(Default, Debug)]
 struct KindOutcomes {
-    /// Far from degenerate, up to a few dozen vertices.
+    /// Few degeneracies, and up to a few dozen vertices.
     generic: Outcomes,
     /// On a grid so small that nearly every determinant is zero in some direction.
     integer: Outcomes,

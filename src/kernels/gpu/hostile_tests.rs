@@ -39,8 +39,8 @@ fn counted(
     (Counted::joined(parts), sent)
 }
 
-/// Returns random walks of these sizes, on grids so coarse that most projections are degenerate, or
-/// so fine that few are.
+/// Returns random walks of these sizes. The grids are so coarse that most projections are
+/// degenerate, or so fine that few are.
 fn walks(seed: u64, sizes: &[usize], size: i64, step: i64) -> Vec<Polygon> {
     let mut random = Random::new(seed);
     sizes.iter().map(|&n| random.walk(n, size, step)).collect()
@@ -199,7 +199,7 @@ fn curves_as_small_as_the_vertex_error_are_decided_by_the_cpu() {
 }
 
 /// Sets of several layouts in random order, announced or not, correctly or not, with sums in
-/// between: nothing of another set is used.
+/// between. No result may depend on another set.
 #[test]
 #[ignore = "needs an adapter"]
 fn frames_of_any_layout_may_follow_one_another() {
@@ -300,8 +300,8 @@ fn ends_beside_tasks_that_need_the_lock(
             let counted_now = AtomicBool::new(false);
             let busy = || !counted_now.load(Ordering::Relaxed);
             pool.scope(|scope| {
-                // The first task offers work that needs the lock; the second thread becomes idle as
-                // soon as the third one holds the lock.
+                // The first task offers work that needs the lock. The second thread becomes idle
+                // once the third one holds the lock.
                 scope.spawn(|_| {
                     let work = || while busy() {};
                     rayon::join(work, || drop(gpu.lock()));
@@ -390,8 +390,8 @@ fn incomplete_work_is_an_error() {
     assert!(barnes_hut::tiles(state, &counts, 2, 1).is_err());
 }
 
-/// A panic between the record of an upload and the upload itself. Other users of the shared adapter
-/// must not be affected.
+/// A thread panics after it recorded an upload and before the upload itself. Other users of the
+/// shared adapter must not be affected.
 #[test]
 #[ignore = "needs an adapter"]
 fn uploads_are_repeated_after_a_panic() {

@@ -360,7 +360,7 @@ pub fn near_contact(kernel: &Kernel) {
                     let at = [place[0] + gap, place[1] + gap];
                     let through = [[at[0], at[1], -1.0], [at[0], at[1], 1.0], [9.0, 7.0, 0.5]];
                     let through = through.map(|p| p.map(|x| x * size));
-                    // If the gap is lost by rounding, the curves touch.
+                    // If rounding removes the gap, the curves touch.
                     let inside = |x: usize| through[0][x].abs() < square[2][x];
                     let touching = (0..2).any(|x| through[0][x] == square[2][x])
                         && (0..2).all(|x| through[0][x] <= square[2][x]);

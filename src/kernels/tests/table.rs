@@ -268,7 +268,7 @@ impl Kernel {
         let sum = self.method.summation(set, self.accuracy, &gpu, pairs);
         let found = sum.map(|sum| sum.linking_numbers(pairs));
         let found = found.unwrap_or_else(|| counted(set, pairs, &mut gpu));
-        // Otherwise the CPU would have been tested.
+        // Without an adapter, the CPU would be tested instead.
         assert_eq!(gpu.info().is_some(), self.device != Device::Cpu);
         found
     }

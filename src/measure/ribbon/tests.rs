@@ -45,7 +45,8 @@ fn axis(random: &mut Random, n: usize) -> Vec<Point> {
 }
 
 /// Returns the edge of a ribbon around an axis, at a distance of about `width`. It turns `turns`
-/// times against a transported frame, whose own closure adds the rest of a turn.
+/// times with respect to a parallel transported frame, plus the angle by which that frame fails to
+/// close.
 fn edge(axis: &[Point], width: f64, turns: f64, random: &mut Random) -> Vec<Point> {
     let n = axis.len();
     let tangent = |k: usize| {
@@ -266,7 +267,7 @@ fn a_strand_passage_changes_lk_by_two_in_the_ledger() {
     }
     let [from, to] = [&before, &after].map(|ribbon| ribbon.linking.unwrap());
     assert_eq!(to - from, change);
-    // The writhe jumps by 2, and the twist, which is continuous, nearly stays.
+    // The writhe jumps by 2 there, but the twist is continuous and changes little.
     let jump = after.writhe.value - before.writhe.value;
     assert!((jump - change as f64).abs() < 0.5, "{before:?} {after:?}");
 }

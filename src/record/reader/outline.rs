@@ -240,8 +240,8 @@ mod tests {
         }
     }
 
-    /// Returns a recording with compressed chunks. Its checksum is that of nothing, and its index
-    /// is wrong, which is not read.
+    /// Returns a recording with compressed chunks. Its checksum is that of an empty file, and its
+    /// index is wrong, but is not read.
     fn compress(bytes: &[u8]) -> Vec<u8> {
         use std::io::Write;
         let record = |out: &mut Vec<u8>, opcode: u8, body: &[u8]| {

@@ -43,7 +43,7 @@ impl Sink for Probe {
         Ok(())
     }
     fn frame(&mut self, record: &FrameRecord) -> Result<()> {
-        // The receiver has ended when a test is over; then the sink waits for nothing.
+        // The receiver is dropped when a test ends, and the sink then stops waiting.
         self.permits.recv().ok();
         let seq = record.report.seq;
         if self.fail_at == Some(seq) {
@@ -375,7 +375,7 @@ impl Sink for Recording {
     }
 }
 
-/// Full, slow and frozen disks: the caller never waits longer than its limit, every frame is
+/// Full, slow and frozen disks. The caller never waits longer than its limit, every frame is
 /// written or counted, the order is kept, and the baseline comes first.
 #[test]
 fn no_disk_delays_the_caller_or_loses_an_uncounted_frame() {
@@ -417,7 +417,7 @@ fn no_disk_delays_the_caller_or_loses_an_uncounted_frame() {
             let verdict = [Verdict::Intact, Verdict::Changed][(seq / 7 % 2) as usize];
             queue.frame(frame(seq, verdict));
         }
-        // A dead disk is in the way until now, so the caller did not wait for it.
+        // The disk is dead until now, but the caller did not wait for it.
         prop_assert!(start.elapsed() < LONG / 2);
         drop(dead);
         let summary = queue.finish(LONG);
@@ -436,7 +436,7 @@ fn no_disk_delays_the_caller_or_loses_an_uncounted_frame() {
     });
 }
 
-/// A sink with work that can wait: each frame makes three pieces of it.
+/// A sink with deferred work: each frame creates three pieces of it.
 struct Patient {
     left: usize,
     calls: Sender<&'static str>,

@@ -86,8 +86,8 @@ fn contact_in_a_frame_is_decided_over_both_steps() {
     }
 }
 
-/// The tip of a wedge passes straight through an edge, from any side: one edge of the wedge has the
-/// passage, or both edges have one and they cancel.
+/// The tip of a wedge passes straight through an edge, from any side. Either one edge of the wedge
+/// has the passage, or both have one and the two cancel.
 #[test]
 fn a_tie_at_a_vertex_counts_once() {
     let wedge = |y: f64, bend: f64| [[-2.0, y + bend, 0.0], [0.0, y, 0.0], [2.0, y - 1.0, 0.0]];
@@ -117,7 +117,7 @@ fn a_tie_at_a_vertex_counts_once() {
     }
 }
 
-/// MovingEdges in one plane at all times is reported as a tie only if the edges meet.
+/// Edges that lie in one plane at all times are a reported tie only if they meet.
 #[test]
 fn motion_in_one_plane_is_a_tie_only_if_edges_meet() {
     let at = |x: f64, y: f64| [x, y, x + y];

@@ -30,7 +30,8 @@ fn assert_methods_agree(before: &Edges, after: &Edges) -> Decided {
         );
     }
     if decided != Decided::Exact {
-        // A certain result has no ties, whichever curve is translated.
+        // A result that the filter decides has no ties, so it does not depend on which curve is
+        // translated.
         assert_eq!(collect_exactly(before, after, Ties::Report).1, exact);
     }
     decided
@@ -121,7 +122,7 @@ fn methods_agree_next_to_ties() {
     assert!(decided[1] > 2000 && decided[2] > 200);
 }
 
-/// [`assert_methods_agree`] for the signs only: near ties, places are inaccurate.
+/// Same as [`assert_methods_agree`], for the signs only, because places near ties are inaccurate.
 fn assert_signs_agree(before: &Edges, after: &Edges) -> Decided {
     let (decided, fast) = collect(before, after, Ties::Translate);
     let (_, exact) = collect_exactly(before, after, Ties::Translate);

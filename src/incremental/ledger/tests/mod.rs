@@ -1,5 +1,5 @@
-//! Tests of the ledger against linking numbers, against all pairs of pieces, and against planted
-//! passages.
+//! Tests of the ledger: against linking numbers, against a search of all pairs of pieces, and
+//! against passages that are known by construction.
 
 mod dense;
 pub(crate) mod planted;
@@ -183,8 +183,8 @@ fn check_signs(steps: usize) {
     }
 }
 
-/// The ledger finds every planted passage with its curves, segments, sign, time and place, and no
-/// others.
+/// The ledger finds every constructed passage with its curves, segments, sign, time and place, and
+/// no other passage.
 #[test]
 fn finds_the_planted_passages_and_no_others() {
     let mut ledger = Ledger {
@@ -245,7 +245,7 @@ fn finds_the_planted_passages_and_no_others() {
             assert_eq!(unaccounted(&outcome, &numbers), []);
             match plant {
                 Plant::Single => assert_ne!(numbers[0].links, numbers[1].links),
-                // These change no linking number.
+                // These passages change no linking number.
                 _ => assert_eq!(numbers[0].links, numbers[1].links),
             }
         }
@@ -393,7 +393,7 @@ fn only_opposite_passages_at_one_time_and_place_cancel() {
     ];
     assert_eq!(left(&q, true), 0);
     assert_eq!(left(&q, false), 2);
-    // At another time, or at another place of one curve, as when a finger is pressed down on a
+    // Two passages at another time, or at another place of one curve: a finger is pressed down on a
     // strand.
     let far = [
         found([3.0, 4.5], 0.500_001, -1),
@@ -456,7 +456,7 @@ fn joined_pieces_do_not_pass_through_each_other() {
     assert_eq!((outcome.events, outcome.undecided), (vec![], vec![]));
 }
 
-/// Boxes are used again only if they are those of the first frame of the step.
+/// Boxes are reused only if they belong to the first frame of the step.
 #[test]
 fn boxes_of_an_earlier_frame_are_not_used_after_a_step_without_a_search() {
     let mut events = 0;
@@ -472,7 +472,7 @@ fn boxes_of_an_earlier_frame_are_not_used_after_a_step_without_a_search() {
         assert_eq!(found, want, "seed {seed}");
         // A step without a search, and one of a single pair, end in the first frame again.
         for pairs in [&[][..], &[(0, 1)]] {
-            // The positions of the first frame, as a frame of its own.
+            // A copy of the first frame with the same positions.
             let mut again = before.clone();
             again.update(before.positions()).unwrap();
             let _ = ledger.step([&after, &again], &none, ALL, Some(pairs));

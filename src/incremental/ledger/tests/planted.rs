@@ -1,8 +1,8 @@
 //! Steps with passages that are known by construction.
 //!
 //! A strand moves by one vector past another strand at rest. Both are jittered lines, far longer
-//! than the vector. They end, or return at a distance from all others. The place and time at which
-//! a moving edge meets a resting one follow from a linear equation, which is solved here by
+//! than the vector. Each ends, or returns at a distance from all others. The place and time at
+//! which a moving edge meets a resting one follow from a linear equation. It is solved here by
 //! Cramer's rule, independently of the code and the method of the ledger.
 
 use crate::curve::vector::{add, cross, dot, mix, norm, per_axis, sub};
@@ -136,7 +136,8 @@ pub(crate) fn planted_step(r: &mut Random, basis: Basis, plant: Plant) -> Option
             }
         }
     }
-    // Bystanders, order, orientation, first vertex, and coordinate frame.
+    // Adds other curves, and chooses order, orientation, first vertex and coordinate axes at
+    // random.
     let mut extra = Vec::new();
     for k in 0..r.below(3) {
         let at = [4.0 * LENGTH * (k as f64 + 1.0), 50.0, 50.0];

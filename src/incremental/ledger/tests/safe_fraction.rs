@@ -11,8 +11,8 @@ struct Tally {
     shortened: u32,
     /// Steps of which no part is proven to be safe.
     none: u32,
-    /// Shortened steps in double precision with a passage, and those that have it again after the
-    /// next millionth of the step.
+    /// Number of shortened steps in double precision with a passage, and number of those that have
+    /// it again after another millionth of the step.
     lengthened: [u32; 2],
 }
 

@@ -42,7 +42,7 @@ fn check(seeds: Range<u64>) {
         let splines = step_of_splines(&mut Random::new(seed));
         let found = passages(splines.each_ref());
         let signs: Vec<i32> = found.iter().map(|e| e.sign).collect();
-        // Until twice as many chords have the same passages, or the most have them.
+        // Continues until twice as many chords have the same passages, or the limit is reached.
         let mut before = vec![0];
         for n in (0..6).map(|k| 200 << k) {
             let frames = splines.each_ref().map(|set| chords(set, n).unwrap());

@@ -24,8 +24,8 @@ fn the_list_of_undecided_tests_grows() {
     assert!(undecided > 1 && u64::from(gpu.lock().undecided_capacity) >= undecided);
 }
 
-/// With small buffers the lists grow to the limit, and then the work is done in batches. The
-/// results have the same bits.
+/// With small buffers, the lists grow to their limit, and the rest of the work is done in batches.
+/// The results are bitwise equal.
 #[test]
 #[ignore = "needs an adapter"]
 fn sums_in_batches_are_the_same() {
@@ -48,8 +48,8 @@ fn sums_in_batches_are_the_same() {
     }
 }
 
-/// With a small capacity for node pairs and short submissions; one scene exceeds the capacity even
-/// with one pair of curves, which the CPU counts.
+/// With a small capacity for node pairs and short submissions. One scene exceeds the capacity even
+/// with a single pair of curves, which the CPU then counts.
 #[test]
 #[ignore = "needs an adapter"]
 fn counts_in_batches_are_the_same() {

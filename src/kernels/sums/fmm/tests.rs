@@ -133,7 +133,7 @@ fn the_error_decreases_with_the_order_as_a_power_of_the_separation() {
             let found = sum(&set, options(Some(order), Accept::Separation(0.6)));
             ((found.value - lambda as f64).abs(), found.bound)
         };
-        // The larger of two orders, because a single error may vanish by cancellation.
+        // The larger error of two orders, because a single error may be small by coincidence.
         let error = |order| found(order).0.max(found(order + 1).0);
         let (low, high) = (error(2), error(8));
         // With a = b = 0.3 R one more degree reduces the error by 0.3 / 0.7 at least; most points

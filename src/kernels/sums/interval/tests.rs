@@ -135,7 +135,7 @@ fn enclosures_contain_the_number_of_the_oracle_and_of_noisy_positions() {
             (None, Linking::Number(n)) => panic!("they may touch, but {n}"),
             (None, _) => assert_eq!(found.integer(), None),
         }
-        // The sharp method decides every pair that the enclosure decides.
+        // `noise::linking_number` decides every pair that `enclose` decides.
         if let Some(n) = found.integer() {
             assert_eq!(sharp, Linking::Number(n));
         }

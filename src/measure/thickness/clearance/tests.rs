@@ -136,7 +136,7 @@ struct MovingCell {
     cell: Cell,
     /// Change of each vector in a frame.
     speed: [Point; 3],
-    /// True if the points follow.
+    /// True if the points move with the cell.
     is_affine: bool,
 }
 
@@ -196,7 +196,7 @@ enum Motion {
     Curves,
     /// Each point moves on its own.
     Noise,
-    /// All points are mixed up.
+    /// All points change places at random.
     Jump,
 }
 
@@ -369,7 +369,7 @@ fn lattice_of_rings(shift: f64) -> CurveSet {
     set(Basis::Polyline, &[-16; 27], &points, false)
 }
 
-/// Frames in which little moves, the cell included, need no new list of pairs.
+/// Frames in which little moves, including the cell, need no new list of pairs.
 #[test]
 fn quiet_frames_in_a_cell_keep_the_list_of_pairs() {
     for shear in [0.0, 1e-4] {
@@ -394,8 +394,8 @@ fn quiet_frames_in_a_cell_keep_the_list_of_pairs() {
     }
 }
 
-/// The closest strands are an image and a curve: the frame in which the cell alone changes is not
-/// taken for a quiet one.
+/// The closest strands are a curve and an image. A frame in which only the cell changes is not
+/// treated as quiet.
 #[test]
 fn a_cell_that_shrinks_brings_images_together() {
     let ring = lattice_of_rings(0.0);

@@ -170,8 +170,8 @@ fn the_octree_finds_what_all_pairs_find() {
     );
 }
 
-/// No sampled pair of points is a strict local minimum that the search missed: from every sampled
-/// pair, points that slide downhill end at a strut, or at one point.
+/// No sampled pair of points is a strict local minimum that the search missed: if its points move
+/// downhill, they end at a strut, or at a common point.
 #[test]
 fn no_pair_of_points_is_closer_than_the_shortest_strut_unless_it_slides_together() {
     for n in [40, 90] {
@@ -467,8 +467,8 @@ fn bends_and_distances_of_random_splines_are_within_their_bounds() {
         let shortest = brute::shortest(&fine).unwrap();
         let shortest = shortest.map_or(f64::INFINITY, |found| fine.strut(&found).length);
         let context = format!("seed {seed}: {found:?}, chords {shortest}");
-        // Chords that are nearly parallel have struts at saddles of the distance, too. The tube
-        // does not touch itself there before it bends too sharply.
+        // Nearly parallel chords also have struts at saddle points of the distance. The tube bends
+        // too sharply before it touches itself there.
         let thickness = shortest.min(2.0 * bend.radius);
         assert!((found.thickness(1.0) - thickness).abs() < 1e-3, "{context}");
         if let Some(strut) = found.poca {

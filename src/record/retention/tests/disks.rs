@@ -50,8 +50,8 @@ impl Output for OnDisk {
     }
 }
 
-/// A disk that freezes when a file is created, written or closed delays no caller, whatever the
-/// recording keeps. When it works again, every frame that was not counted as dropped is there.
+/// A disk that freezes while a file is created, written or closed delays no caller, whatever the
+/// recording keeps. After it works again, every frame that was not counted as dropped is recorded.
 #[test]
 fn a_frozen_disk_delays_no_caller_whatever_is_kept() {
     const LONG: Duration = Duration::from_secs(60);

@@ -66,7 +66,7 @@ struct Content {
     /// Number of the frame after each baseline, and the curves of the baseline.
     baselines: Vec<(u64, usize)>,
     names: Vec<Vec<String>>,
-    /// Frames that are neither in the file nor were left out on purpose.
+    /// Number of frames that are missing in the file, but were not skipped on purpose.
     missing: u64,
     metadata: BTreeMap<String, String>,
 }

@@ -62,7 +62,7 @@ fn a_frame_that_is_larger_than_the_maximum_has_a_file_of_its_own() {
     assert!(e.contains("1000 bytes are too small"), "{e}");
 }
 
-/// A name that is taken ends no recording that is hours old.
+/// If the name of a later file is taken, a long recording must not end.
 #[test]
 fn later_files_skip_names_that_are_taken() {
     for overwrite in [false, true] {

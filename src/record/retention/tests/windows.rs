@@ -55,7 +55,7 @@ fn a_window_has_the_frames_before_and_after_a_violation() {
     let content = content.unwrap();
     assert_eq!(content.seqs(), (15..=25).chain(55..=69).collect::<Vec<_>>());
     assert_eq!(content.with_curves(), content.seqs());
-    // Each window replays by itself, and nothing counts as lost.
+    // Each window replays by itself, and no frame counts as lost.
     assert_eq!(content.baselines, [(15, 3), (55, 3)]);
     assert_eq!(content.missing, 0);
     assert!(
