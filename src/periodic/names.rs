@@ -151,9 +151,13 @@ pub(crate) fn canonical(curves: usize, entries: &[Entry], periods: &[YarnPeriod]
         (pair.i, pair.j, rank, pair.image, *lambda)
     });
     let named = order.into_iter().map(|(pair, lambda)| {
-        // The images of a curve itself keep their names, because no motion changes them.
-        let image = gauge.fix(pair, period_of_pair(periods, pair.i, pair.j));
-        (ImagePair { image, ..pair }, lambda)
+        let ImagePair { i, j, image } = pair;
+        let image = match i == j {
+            // The images of a curve itself keep their names.
+            true => image,
+            false => gauge.fix(pair, period_of_pair(periods, i, j)),
+        };
+        (ImagePair { i, j, image }, lambda)
     });
     let mut named: Vec<Entry> = named.collect();
     named.sort_unstable();
