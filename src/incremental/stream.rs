@@ -10,7 +10,7 @@ use super::packed::{Packed, PackedCondition};
 use super::reference::Reference;
 use crate::curve::vector::per_axis;
 use crate::curve::{Bad, Positions, Received, largest_within, smaller};
-use crate::simd::{Simd, dispatch_wide};
+use crate::simd::{Simd, dispatch_wide, prefetch};
 use rayon::prelude::*;
 
 /// Number of points per task, a multiple of the size of a block. Memory bandwidth limits the pass,
@@ -172,6 +172,9 @@ fn compare_all<T: Real>(
 /// second-level cache. Shorter copies are slower.
 const SLAB: usize = 64 * VALUES;
 
+/// Number of blocks of the reference frame by which prefetching is ahead.
+const AHEAD: usize = 16;
+
 /// A comparison with a reference frame.
 struct Comparison<'a, T> {
     condition: Condition<T>,
@@ -254,6 +257,10 @@ impl<'a, T: Real> Comparison<'a, T> {
     #[inline(always)]
     fn is_quiet<S: Simd>(&self, simd: S, first: usize, values: &[T]) -> bool {
         let block = first / BLOCK;
+        // Data that was used a frame ago may have left the caches.
+        if let Some(block) = self.packed.get(block + AHEAD) {
+            prefetch(block);
+        }
         match (self.packed.get(block), values.as_array()) {
             (Some(packed), Some(values)) => self.quick.holds(simd, packed, values),
             _ => false,

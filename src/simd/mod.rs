@@ -21,7 +21,7 @@ mod x86;
 
 pub(crate) use portable::Portable;
 #[cfg(target_arch = "x86_64")]
-pub(crate) use x86::{avx2, avx512};
+pub(crate) use x86::{avx2, avx512, prefetch};
 
 #[cfg(not(target_arch = "x86_64"))]
 mod other {
@@ -36,9 +36,12 @@ mod other {
     pub fn avx512() -> Option<Portable> {
         None
     }
+
+    /// Does nothing on this architecture.
+    pub fn prefetch<T>(_: &T) {}
 }
 #[cfg(not(target_arch = "x86_64"))]
-pub(crate) use other::{avx2, avx512};
+pub(crate) use other::{avx2, avx512, prefetch};
 
 /// Number of lanes of a vector. Groups of boxes and the children of a tree node have the same
 /// number.

@@ -71,6 +71,18 @@ calls! {
     call5(a: A, b: B, c: C, d: D, e: E)
 }
 
+/// Prefetches a value. The hardware prefetcher stops at page boundaries.
+#[inline(always)]
+pub(crate) fn prefetch<T>(value: &T) {
+    let start: *const T = value;
+    for line in (0..size_of::<T>()).step_by(64) {
+        // SAFETY: a prefetch reads nothing.
+        unsafe {
+            _mm_prefetch::<_MM_HINT_T0>(start.cast::<i8>().wrapping_add(line));
+        }
+    }
+}
+
 /// Folds each of eight rows by three rounds of pairwise operations. (A macro, because a
 /// function could only take the operation as a closure.)
 macro_rules! fold_rows {
