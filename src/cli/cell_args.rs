@@ -32,7 +32,7 @@ pub struct CellArg {
 }
 
 impl CellArg {
-    /// Returns the cell of a frame: that of the user, or that of the frame.
+    /// Returns the cell that the user gave, or else the cell of the frame.
     pub fn cell(&self, of_frame: Option<Cell>) -> Option<Cell> {
         self.cell.unwrap_or(of_frame)
     }
@@ -108,7 +108,7 @@ impl CellArgs {
         matches!(self.cell.cell, Some(None))
     }
 
-    /// Returns the cell of a frame: that of the user, or that of the frame.
+    /// Returns the cell that the user gave, or else the cell of the frame.
     pub fn cell(&self, of_frame: Option<Cell>) -> Option<Cell> {
         self.cell.cell(of_frame)
     }
@@ -172,8 +172,8 @@ impl Cells {
         self.unwrap(set, info.cell)
     }
 
-    /// Says which curves were closed or stay open, once. Returns those that may be meant to be
-    /// closed, and cannot be.
+    /// Prints once which curves were closed or stay open. Returns the curves that may be meant to
+    /// be closed, but cannot be.
     pub fn say(&mut self, name: &dyn fmt::Display) -> Vec<LeftOut> {
         let notes = self.closing.take_notes();
         say(name, &notes);
@@ -200,7 +200,7 @@ impl Cells {
     }
 }
 
-/// Says which curves were closed or stay open.
+/// Prints which curves were closed or stay open.
 pub fn say(name: &dyn fmt::Display, notes: &[ClosingNote]) {
     for note in notes {
         match note.kind {

@@ -176,7 +176,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                     Some(first) if first.to_string() == e.to_string() => {}
                     Some(_) => tracing::error!("{e}"),
                 }
-                // Without a first frame there is no baseline for the others.
+                // Without the first frame, there is no baseline for the others.
                 if nothing && from_first_frame {
                     break;
                 }
@@ -200,8 +200,8 @@ impl Args {
     }
 }
 
-/// Reads frames up to the second one that will be verified, since rejected ones have no influence
-/// on others. Returns the places of both, if the step between them is searched.
+/// Reads frames up to the second one that will be verified; rejected frames do not matter. Returns
+/// the positions of these two frames if the step between them is searched.
 fn first_step(
     frames: &mut Sequence,
     ahead: &mut VecDeque<Result<Frame>>,

@@ -250,7 +250,7 @@ impl Converter {
         self.check_frames()
     }
 
-    /// Adds the invalid frames so far to what is left out, so that the output is incomplete too.
+    /// Adds the invalid frames to the skipped elements, so that the output counts as incomplete.
     fn with_invalid(&self, mut info: FrameInfo) -> FrameInfo {
         if let Some(first) = self.invalid.first() {
             let (count, kind) = (self.invalid.len(), ["invalid frame", "invalid frames"]);
@@ -260,7 +260,7 @@ impl Converter {
         info
     }
 
-    /// Returns true if a frame is valid. Otherwise reports that it is left out.
+    /// Returns true if a frame is valid. Otherwise reports that it is skipped.
     fn is_valid(&mut self, frame: &Frame) -> bool {
         if let Err(e) = &frame.curves {
             tracing::error!("{}: left out: {e}", frame.name);

@@ -1,4 +1,4 @@
-//! `linkwatch check --each`: each file is a run of its own, verified by a process of its own.
+//! `linkwatch check --each`: each file is a separate run, verified in a separate process.
 //!
 //! A run that crashes, or that the system kills because memory is short, costs no other run.
 
@@ -85,7 +85,7 @@ fn key(files: &[PathBuf], options: &str) -> String {
     format!("{:016x}", hasher.finish())
 }
 
-/// Lines that are written while runs go on.
+/// Results, which are written while other runs continue.
 #[derive(Default)]
 struct Lines {
     file: Option<File>,
@@ -230,7 +230,7 @@ fn verified(model: &Path, threads: usize, key: String) -> Line {
         let why = why.map(|why| why.strip_prefix(&name).unwrap_or(why));
         line.error = Some(why.unwrap_or("a signal ended the process").to_owned());
     } else {
-        // If a run failed, its last line is that of a frame, not the summary.
+        // If a run failed, its last line is about a frame and is not a summary.
         let of_frame = last["report"]["verdict"].as_str();
         let verdict = last["summary"]["verdict"].as_str().or(of_frame);
         line.verdict = verdict.map(str::to_owned);

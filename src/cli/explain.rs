@@ -23,7 +23,7 @@ pub fn print(frame: &Picked, options: &SessionOptions, json: bool) -> Result<Out
     Ok(Outcome::Fine)
 }
 
-/// Returns the decisions of the stages in words.
+/// Returns the decisions of the stages as text.
 fn lines(plan: &Plan) -> Vec<String> {
     let mut lines = vec![
         potential_links(plan),

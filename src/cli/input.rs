@@ -162,7 +162,7 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(models)
 }
 
-/// Returns true if a file is a compressed model of the format of the others, if there are any.
+/// Returns true if a file is a compressed model, of the same format as the others if there are any.
 fn is_compressed(file: &Path, others: &Option<Result<formats::Format>>) -> bool {
     const SUFFIXES: [&str; 7] = ["gz", "xz", "bz2", "zst", "lz4", "zip", "z"];
     let extension = file.extension().unwrap_or_default();

@@ -15,7 +15,7 @@ enum Part {
 /// How numbers in names are read.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Reading {
-    /// Digits after a point are a number of their own.
+    /// Digits after a point count as a separate number.
     Counts,
     /// Digits after a point belong to the number before it.
     Decimals,

@@ -144,7 +144,7 @@ pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce()
     })
 }
 
-/// Returns the progress of a frame in words.
+/// Returns the progress of a frame as text.
 pub fn words_of(progress: &Progress, start: Instant) -> String {
     let (done, total) = progress.pairs();
     let work = match total {

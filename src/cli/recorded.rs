@@ -37,11 +37,12 @@ pub fn part(path: &Path) -> Option<Part> {
     })
 }
 
-/// Frames of a recording with what the simulator told about them: cell, cuts, layout, names, radii
+/// Frames of a recording, with the information of the simulator: cell, cuts, layout, names, radii
 /// and time step.
 ///
-/// A frame that was rejected when it was recorded is an invalid frame. Frames that were left out on
-/// purpose are a gap before the next one; frames that the recorder dropped are an error at the end.
+/// A frame that was rejected when it was recorded is an invalid frame. Frames that were skipped on
+/// purpose are a gap before the next frame. Frames that the recorder dropped are an error at the
+/// end.
 #[derive(Default)]
 pub struct Recorded {
     /// `None` after the end, and after an error.
@@ -51,9 +52,9 @@ pub struct Recorded {
     missing: MissingFrames,
     /// True if a frame was read that was not rejected.
     begun: bool,
-    /// True if frames before the next one were left out.
+    /// True if frames before the next one were skipped.
     after_gap: bool,
-    /// Number of frames whose curves were left out on purpose.
+    /// Number of frames whose curves were skipped on purpose.
     absent: u64,
     /// Number of frames that the recorder dropped.
     dropped: u64,

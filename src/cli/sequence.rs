@@ -1,4 +1,4 @@
-//! Frames of several files, one after the other: those of one motion, or of several runs.
+//! Frames of several files in sequence: of one motion, or of several runs.
 
 use super::input::{self, FileFrames};
 use super::recorded;
@@ -29,7 +29,7 @@ pub struct Sequence {
     part: Option<recorded::Part>,
     /// Elements that were not read of the current file.
     left_out: Vec<LeftOut>,
-    /// Number of the next frame, if it has none of its own.
+    /// Number of the next frame, if the file gives it none.
     next_seq: u64,
     /// Information about the last valid frame, and the number of points of each of its curves.
     info: FrameInfo,
@@ -103,7 +103,7 @@ impl Sequence {
         {
             is_next = part.number == last.number + 1;
             lacks_files = !is_next;
-            // The frames between them may be left out.
+            // Frames between these two may have been skipped.
             after_gap = lacks_files || part.leaves_out;
         }
         self.part = part;
@@ -198,8 +198,7 @@ impl Iterator for Sequence {
     ///
     /// # Errors
     ///
-    /// A file that cannot be read, or is no model. The next call goes on with the next
-    /// file.
+    /// A file that cannot be read, or is not a model. The next call continues with the next file.
     fn next(&mut self) -> Option<Result<Frame>> {
         let (begins_run, read) = self.read()?;
         let (path, mut frame) = match read {

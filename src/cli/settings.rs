@@ -8,7 +8,7 @@ pub type Settings<'a> = Vec<(&'a str, &'a str)>;
 ///
 /// # Errors
 ///
-/// A setting that `known` lacks or that is given twice, in words.
+/// Text about a setting that is not in `known`, or that is given twice.
 pub fn split<'a>(value: &'a str, known: &[&str]) -> Result<(&'a str, Settings<'a>), String> {
     let (mut what, mut settings) = (value, Vec::new());
     while let Some((before, last)) = what.rsplit_once(',') {

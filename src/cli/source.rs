@@ -25,7 +25,7 @@ impl Source {
         Source::new(path)
     }
 
-    /// Opens a file that is taken for a recording.
+    /// Opens a file as a recording.
     pub fn new(path: &Path) -> Result<Source> {
         Ok(Source {
             path: path.into(),

@@ -78,7 +78,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     })
 }
 
-/// Returns the settings that differ, in words.
+/// Returns the settings that differ, as text.
 fn other_settings(runs: [&BTreeMap<String, String>; 2]) -> Vec<String> {
     let differing = RECORDED.into_iter().filter_map(|(name, absent)| {
         let [a, b] = runs.map(|run| run.get(name).map_or(absent, String::as_str));

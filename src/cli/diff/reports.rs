@@ -13,12 +13,13 @@ use std::collections::BTreeMap;
 pub struct ReportDifference {
     /// Verdicts of both reports.
     pub verdicts: [Verdict; 2],
-    /// Findings that only the first report and only the second one has, in words.
+    /// Texts of the findings that only the first report has, and of those that only the second one
+    /// has.
     pub only: [Vec<String>; 2],
 }
 
-/// Identity of a finding: its kind, its curves, and numbers: those of a linking number, of a
-/// pull-through, the code of a defect, or the words of an invariant.
+/// Identity of a finding: its kind, its curves, its numbers (of a linking number or a pull-through,
+/// or the code of a defect), and the text of an invariant.
 type Key = (u8, u32, Option<u32>, Image, [i64; 2], String);
 
 /// Returns the difference of two reports on the same frame; `None` if the verdicts and findings are
@@ -41,7 +42,7 @@ pub fn difference(reports: [&Report; 2], names: &[String]) -> Option<ReportDiffe
     (!equal).then_some(ReportDifference { verdicts, only })
 }
 
-/// Returns all findings in words, by their identity.
+/// Returns all findings as text, by their identity.
 fn by_identity(report: &Report, names: &[String]) -> BTreeMap<Key, Vec<String>> {
     let mut all = BTreeMap::<Key, Vec<String>>::new();
     for (finding, sentence) in report.all_findings().zip(report.findings_named(names)) {

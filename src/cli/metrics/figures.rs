@@ -208,7 +208,7 @@ impl ServiceMetrics {
     }
 }
 
-/// Adds the figures of one session to those of its service.
+/// Adds the metrics of one session to those of its service.
 pub struct SessionMetrics {
     service: ServiceMetrics,
     /// Counts of this session that were added.

@@ -1,4 +1,4 @@
-//! Answers HTTP requests, on threads of their own.
+//! Answers HTTP requests in separate threads.
 //!
 //! One thread accepts connections, and each connection has a thread. All connections have a time
 //! limit, and the oldest one is closed if there are too many. So clients that send nothing, send

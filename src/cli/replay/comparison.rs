@@ -8,7 +8,8 @@ use std::collections::BTreeMap;
 /// Numbers of verdicts of a replay that equal the recorded ones, and that do not.
 #[derive(Default, Serialize)]
 pub struct Comparison {
-    /// Options that differ from those of the recording; if there are any, nothing is compared.
+    /// Options that differ from those of the recording. If there are any, verdicts are not
+    /// compared.
     pub differing: Vec<&'static str>,
     /// Recorded verdicts on the replayed frames.
     pub recorded: u64,
@@ -24,14 +25,14 @@ pub struct Comparison {
     pub worse: u64,
     /// Frames of which the recorder kept only the verdict, on purpose.
     pub thinned: u64,
-    /// Frames that the recorder left out on purpose, or put into another file.
+    /// Frames that the recorder skipped on purpose, or wrote to another file.
     pub left_out: u64,
-    /// Reason for that, in words.
+    /// Text about the reason.
     #[serde(skip)]
     pub left_out_by: String,
 }
 
-/// Returns the option with which frames were left out of a recording on purpose, in words.
+/// Returns a text that names the option with which a recording skips frames on purpose.
 pub fn left_out_by(metadata: &BTreeMap<String, String>) -> String {
     let option = |key, option: &str| {
         let value = metadata.get(key)?;

@@ -197,7 +197,7 @@ struct Replay<'a> {
     motion: bool,
     /// True if the recorder kept the curves of some frames only.
     every: bool,
-    /// True if frames just before the next one were left out.
+    /// True if the frames just before the next one were skipped.
     left_out: bool,
     /// True if the next frame is the first one after a gap that the recorder left on purpose. It is
     /// verified without the frames before that.
@@ -206,7 +206,7 @@ struct Replay<'a> {
     thinned: bool,
     /// True if the last frame after a gap had defects, which earlier frames may explain.
     unfounded: bool,
-    /// True if all later frames are left out.
+    /// True if all later frames are skipped.
     ended: bool,
 }
 
@@ -265,7 +265,7 @@ impl Replay<'_> {
         Ok(())
     }
 
-    /// Begins again after frames that the recorder left out on purpose.
+    /// Restarts the comparison after frames that the recorder skipped on purpose.
     fn begin_again(&mut self, baseline: Option<BaselineRecord>) {
         self.run.begin_again(baseline);
         (self.left_out, self.restarted) = (true, true);
@@ -297,9 +297,8 @@ impl Replay<'_> {
         let restarted = last.is_some() && std::mem::take(&mut self.restarted);
         let thinned = last.is_some() && std::mem::take(&mut self.thinned);
         if restarted && self.run.tally.verified > 1 {
-            // The recorded run searched the steps over frames that were left out, with its own
-            // options. If no frame was left out, its watch started late, and did not search the
-            // step to this frame.
+            // The recorded run searched the steps over skipped frames, with its own options. If no
+            // frame was skipped, its watch started late, and did not search the step to this frame.
             let is_late = gap.frames == 0 && !thinned;
             let is_gap = is_late || !self.comparison.differing.is_empty();
             self.run.sum.gaps += u64::from(is_gap);

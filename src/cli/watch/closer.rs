@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 /// Interval at which a session that closes is looked at.
 const POLL: Duration = Duration::from_millis(2);
 
-/// Closes sessions, each in a thread of its own, and keeps the worst outcome.
+/// Closes sessions, each in a separate thread, and keeps the worst outcome.
 pub struct Closer {
     /// Worst outcome of the processes before this one.
     pub earlier: Outcome,
@@ -53,7 +53,7 @@ impl Closer {
     }
 }
 
-/// Returns the worse of an outcome and that of a session, for which it waits.
+/// Waits for a session. Returns the worse of `outcome` and the outcome of the session.
 fn with_outcome(worst: Outcome, session: JoinHandle<Outcome>) -> Outcome {
     // If the thread panicked, the panic was printed.
     worst.max(session.join().unwrap_or(Outcome::Undecided))

@@ -50,7 +50,7 @@ pub struct Note {
     cuts: u32,
     /// Last frame that is known to be intact.
     last_intact: Option<u64>,
-    /// Worst outcome so far: at first that of the earlier processes.
+    /// Worst outcome so far, including the earlier processes.
     pub outcome: Outcome,
     /// True if a signal stopped the watch.
     stopped: bool,
@@ -129,7 +129,7 @@ impl State {
         note.settings = settings;
         note.stopped = false;
         note.restarts += u64::from(earlier.is_some());
-        // Frames may have been published while nobody watched.
+        // Frames may have been published while no watch was running.
         let missed = Outcome::undecided_if(note.simulator.is_some());
         note.outcome = note.outcome.max(missed);
         let mut state = State {
