@@ -73,7 +73,7 @@ impl CurveType {
         self.name = Some(name.unwrap_or_default().to_vec());
     }
 
-    /// Returns the reason why curves of this type are not read, in words.
+    /// Returns the reason why curves of this type are not read, as text.
     fn unread(&self) -> Option<String> {
         match (self.name.as_deref(), self.degree) {
             (None, _) => Some("without cstype".into()),
@@ -93,7 +93,7 @@ struct Element {
     line: u64,
     /// Its control points among the indices of the file.
     indices: Range<usize>,
-    /// Reason why the element is not read, in words.
+    /// Reason why the element is not read, as text.
     unread: Option<String>,
     rational: bool,
     range: [f64; 2],

@@ -1,9 +1,9 @@
 //! Files of recordings: none is replaced while another process reads or writes it.
 //!
-//! A writer holds an exclusive advisory lock on its file, a reader a shared one. (A file that is
-//! still being written is read without a lock.) An existing file is replaced only if nobody holds a
-//! lock, and it is never truncated: a new file takes over its name, so that programs without locks,
-//! a viewer for example, keep the old content until they close it.
+//! A writer holds an exclusive advisory lock on its file, and a reader a shared lock. (A file that
+//! is still being written is read without a lock.) An existing file is replaced only if no process
+//! holds a lock on it, and it is never truncated: a new file takes its name. So programs without
+//! locks, a viewer for example, keep the old content until they close it.
 //!
 //! Limits: a file system without locks, and systems other than Unix, where a lock would exclude
 //! readers. There, only the file's name is taken over.

@@ -8,7 +8,7 @@ pub(crate) struct MissingFrames {
     /// Number of frames that had a verdict by then; `None` before the first verdict that was read,
     /// if earlier ones may be in other files.
     pub answered: Option<u64>,
-    /// Number of frames that were left out on purpose by then.
+    /// Number of frames that were skipped on purpose before that.
     pub left_out: u64,
 }
 
@@ -17,7 +17,7 @@ pub(crate) struct MissingFrames {
 pub(crate) struct Gap {
     /// Number of all these frames.
     pub frames: u64,
-    /// Number of those that the recorder dropped. The others were left out on purpose.
+    /// Number of these frames that the recorder dropped. The others were skipped on purpose.
     pub dropped: u64,
 }
 

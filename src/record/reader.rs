@@ -261,8 +261,8 @@ impl<R: Read + Seek> RecordingReader<R> {
         Ok(None)
     }
 
-    /// Returns the next message, or its first bytes if it has curves and `skims` is true. Takes
-    /// note of what describes messages, or the run.
+    /// Returns the next message, or only its first bytes if it has curves and `skims` is true. Also
+    /// updates the state from messages that describe the run.
     fn next_message(&mut self, skims: bool) -> Result<Option<Message>> {
         loop {
             let channels = &self.channels;

@@ -55,7 +55,7 @@ pub(super) struct Baseline {
     pub undefined: usize,
     /// The frame with these linking numbers; `None` if they come from a file.
     pub frame: Option<u64>,
-    /// Number of frames before it that were published and that nobody verified.
+    /// Number of frames that were published before it, but verified by nobody.
     pub unverified: u64,
     /// Number of curves that run through the periodic cell, if there are several.
     #[serde(skip)]
@@ -72,7 +72,7 @@ pub(super) struct Counts {
     pub rejected: u64,
     /// Frames that were verified, but are not in the recording.
     pub missing: u64,
-    /// Frames that were verified, and left out of the recording on purpose.
+    /// Number of verified frames that the recording skips on purpose.
     pub left_out: u64,
     /// Frames without a verdict.
     pub unanswered: u64,
@@ -199,8 +199,7 @@ impl Facts {
         events.and_then(|e| e.parse().ok()).unwrap_or_default()
     }
 
-    /// Returns the number of frames of which either the curves or the verdict were lost, not left
-    /// out on purpose.
+    /// Returns the number of frames whose curves or verdict were lost, not skipped on purpose.
     pub fn recorded_in_part(&self) -> u64 {
         match self.metadata.contains_key(Retention::EVERY) {
             true => self.counts.unanswered,
@@ -208,7 +207,7 @@ impl Facts {
         }
     }
 
-    /// Returns the radius for which clearance was measured, if it was that of all strands.
+    /// Returns the radius for which clearance was measured, if all strands have the same radius.
     pub fn radius(&self) -> Option<f64> {
         self.metadata.get(THICKNESS)?.parse().ok()
     }
@@ -249,7 +248,7 @@ struct Collector {
     /// among all frames of the file.
     frame: Option<(u64, u64)>,
     labels: Arc<CurveLabels>,
-    /// Their names, as they are printed.
+    /// Names of the curves, as printed.
     names: Vec<String>,
     cuts: Option<u32>,
     /// Number of the frame that the simulator accepted last.

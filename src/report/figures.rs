@@ -31,7 +31,7 @@ pub(super) const CHOICE: &str = "The first four violations, the pair with the mo
      about its vertical. If the strands are near one another, a third row shows the place in it \
      from nearer.";
 
-/// Enlargement from which on the place has a picture of its own, because frames would look alike.
+/// Enlargement above which the place gets a separate picture, because the frames would look alike.
 const ALIKE: f64 = 2.5;
 
 /// Pictures of one finding.
@@ -43,7 +43,7 @@ pub(super) struct Figure {
     pub thick: bool,
     /// Captions of the frames before, at and after the violation: "frame 27 at 0.9 s".
     pub captions: [String; 3],
-    /// Both curves in words.
+    /// Both curves as text.
     pair: String,
     /// Names of both curves, if they have some.
     pub names: Option<[String; 2]>,

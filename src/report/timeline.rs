@@ -101,7 +101,7 @@ impl Facts {
     }
 }
 
-/// Returns the numbers of verdicts in words: "24 intact, 1 changed".
+/// Returns the numbers of verdicts as text: "24 intact, 1 changed".
 fn words_of(verdicts: &[u64; 6]) -> String {
     let words = Verdict::ALL.into_iter().zip(verdicts);
     let words = words.filter(|(_, n)| **n > 0);

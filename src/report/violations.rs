@@ -12,9 +12,9 @@ pub(super) struct Shot {
     pub ordinal: Option<u64>,
     pub moment: Moment,
     pub spot: Spot,
-    /// The finding in words.
+    /// The finding as text.
     pub sentence: String,
-    /// The pull-through in words, if the finding is a changed linking number that it explains.
+    /// The pull-through as text, if the finding is a changed linking number that it explains.
     pub passage: Option<String>,
     /// True for a change or a pull-through, false for a pair that is undecided.
     pub changed: bool,
@@ -30,7 +30,7 @@ pub(super) struct LinkRow {
     /// Place of the closest approach in this frame.
     #[serde(flatten)]
     pub place: Option<Place>,
-    /// The change in words.
+    /// The change as text.
     pub sentence: String,
     pub first: Moment,
     pub last: Moment,
@@ -166,7 +166,7 @@ impl Violations {
                 Some([i?, j?])
             });
             if let Some([i, j]) = now {
-                // The image is that of the second curve.
+                // The translation is that of the second curve.
                 let image = pair.image;
                 let image = if i <= j { image } else { image.map(|n| -n) };
                 self.index.insert(([i.min(j), i.max(j)], image), k);

@@ -22,11 +22,11 @@ use std::sync::Arc;
 pub struct BaselineRecord {
     /// The expected linking numbers.
     pub certificate: Arc<Certificate>,
-    /// Origin in words: "first frame", or the name of a certificate file.
+    /// Origin as text: "first frame", or the name of a certificate file.
     pub origin: String,
     /// The frame with these linking numbers; `None` if they come from a file.
     pub frame: Option<u64>,
-    /// Number of frames before it that were published and that nobody verified.
+    /// Number of frames that were published before it, but verified by nobody.
     pub unverified: u64,
 }
 
@@ -56,9 +56,9 @@ pub trait Sink: Send {
     /// The destination cannot be written.
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()>;
 
-    /// Tells the baseline after the next frame, which changes it: curves appeared or are gone, or
-    /// pairs have linking numbers again. A sink with all frames need not record it, because a
-    /// replay of these frames changes it in the same way.
+    /// Passes the baseline after the next frame, if that frame changes it, because curves appeared
+    /// or disappeared, or because pairs have linking numbers again. A sink with all frames need not
+    /// record it, because a replay of these frames changes it in the same way.
     ///
     /// # Errors
     ///

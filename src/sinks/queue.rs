@@ -423,7 +423,7 @@ impl Worker {
         self.shared.lock().summary.note = sink.note();
         let outcome = match processed {
             Ok(true) => sink.finish(),
-            // Another thread marked it as failed because it was late: the sink is dropped here, on
+            // Another thread marked the sink as failed because it was late. It is dropped here, on
             // its own thread.
             Ok(false) => Ok(()),
             Err(e) => Err(e),

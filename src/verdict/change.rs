@@ -59,9 +59,9 @@ pub struct LoopPair {
 pub struct InvariantChange {
     /// The curve, or three curves; sorted.
     pub curves: Vec<u32>,
-    /// Expected invariants in words: `v2 0, v3 0, determinant 1`, or `mu 1`.
+    /// Expected invariants as text: `v2 0, v3 0, determinant 1`, or `mu 1`.
     pub expected: String,
-    /// Invariants of the frame in words.
+    /// Invariants of the frame as text.
     pub found: String,
 }
 

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 /// Identity of a finding that may last over several frames: a changed linking number or invariant,
 /// or a defect.
 ///
-/// The images of a pair of curves are pairs of their own.
+/// Pairs of a curve and different images of another curve are different pairs.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Lasting {
     /// First curve.
@@ -21,7 +21,7 @@ pub struct Lasting {
     pub found: Option<i64>,
     /// Kind of the defect; `None` for a change.
     pub kind: Option<DefectKind>,
-    /// All curves of an invariant, and its numbers in words.
+    /// All curves of an invariant, and its numbers as text.
     pub invariant: Option<(Vec<u32>, String)>,
 }
 

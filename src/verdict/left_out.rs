@@ -46,7 +46,7 @@ impl LeftOut {
         known.len() > before
     }
 
-    /// Returns all kinds in words: `not read, so not verified: 2 surfaces (the first one: line
+    /// Returns all kinds as text: `not read, so not verified: 2 surfaces (the first one: line
     /// 12)`.
     pub fn sentence(all: &[LeftOut]) -> String {
         let all: Vec<String> = all.iter().map(LeftOut::to_string).collect();

@@ -10,13 +10,13 @@ use crate::curve::{Image, Notation, is_home, significant, words_of_change, words
 use std::fmt;
 
 impl Place {
-    /// Returns the place in words, for a scene of this extent (0: unknown).
+    /// Returns the place as text, for a scene of this extent (0: unknown).
     fn words(&self, extent: f64) -> String {
         let [s, t] = self.segments;
         self.between(&format!("segments {s}"), &t.to_string(), extent)
     }
 
-    /// Returns the place in words, with words for both parts that are close.
+    /// Returns the place as text, with words for both parts that are close.
     fn between(&self, first: &str, second: &str, extent: f64) -> String {
         let notation = Notation::of_scene(extent, self.point);
         let (point, distance) = (notation.point(self.point), notation.length(self.distance));
@@ -93,7 +93,7 @@ impl Change {
         self.with_numbers(&self.words(names), |place| place.words(extent))
     }
 
-    /// Returns the numbers after some words, and the place in words if it is known.
+    /// Returns the numbers after some words, and the place as text if it is known.
     fn with_numbers(&self, words: &str, place: impl FnOnce(&Place) -> String) -> String {
         let (expected, found) = (self.expected, self.found);
         let place = self.place.as_ref().map(place);
@@ -125,7 +125,7 @@ impl InvariantChange {
 }
 
 impl LoopPair {
-    /// Returns the loops in words: "the virtual loops of curves 0 + 1 and 2 + 3".
+    /// Returns the loops as text: "the virtual loops of curves 0 + 1 and 2 + 3".
     fn words(&self, names: &[String]) -> String {
         let [first, second] = [0, 1].map(|k| {
             let own = words_of_curve(self.curves[k], names);
@@ -137,7 +137,7 @@ impl LoopPair {
         format!("{first} and {second}")
     }
 
-    /// Returns the place of closest approach in words, on the real curves.
+    /// Returns the place of closest approach as text, on the real curves.
     fn place(&self, place: &Place, extent: f64, names: &[String]) -> String {
         let [first, second] = self.nearest.map(|nearest| match nearest {
             Some([curve, s]) => format!("segment {s} of curve {}", words_of_curve(curve, names)),
@@ -279,7 +279,7 @@ impl Clearance {
     }
 }
 
-/// Returns the state to which a simulator can roll back, in words, if there is one: see
+/// Returns the state to which a simulator can roll back, as text, if there is one: see
 /// [`Report::last_intact`] and [`Report::safe_fraction`].
 pub(crate) fn words_of_roll_back(
     last_intact: Option<u64>,
@@ -307,7 +307,7 @@ pub(crate) fn words_of_frame(seq: u64, time: f64) -> String {
 }
 
 impl Report {
-    /// Returns the state to which a simulator can roll back, in words. `None` if this frame is
+    /// Returns the state to which a simulator can roll back, as text. `None` if this frame is
     /// known to be intact, or if no frame is.
     pub fn roll_back(&self) -> Option<String> {
         let last_intact = self.last_intact.filter(|&seq| seq != self.seq);
@@ -361,7 +361,7 @@ impl Report {
         format!("{}: {}{detail}", self.frame(), self.verdict)
     }
 
-    /// Returns which curves appeared and which are gone, in words. `None` if there are none.
+    /// Returns which curves appeared and which are gone, as text. `None` if there are none.
     pub fn change_of_curves(&self) -> Option<String> {
         words_of_change(&self.appeared, &self.gone)
     }

@@ -19,7 +19,7 @@ use re_sdk_types::blueprint::archetypes::{
 };
 use re_sdk_types::components::Color;
 
-/// Legend in words, because legends in the plots would cover a third of them.
+/// Legend as text, because legends in the plots would cover a third of them.
 pub(super) const KEY: &str = "\
 **Curves** red: changed, with its other curve in pale orange; orange: no verdict
 

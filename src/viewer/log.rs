@@ -1,4 +1,4 @@
-//! Log lines of the frames, and the status in words.
+//! Log lines of the frames, and the status as text.
 
 use super::passed::Passed;
 use super::picture::SHOWN;

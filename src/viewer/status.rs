@@ -1,4 +1,4 @@
-//! Status of a run in words, and the findings that last over several frames.
+//! Status of a run as text, and the findings that last over several frames.
 
 use super::passed::Passed;
 use crate::verdict::{Finding, Lasting, Report, Verdict, label_of_curve};
@@ -82,7 +82,7 @@ pub(super) fn status(
     text
 }
 
-/// Returns the curves of a finding that lasts, and the finding in words.
+/// Returns the curves of a finding that lasts, and the finding as text.
 fn row(finding: Finding<'_>, names: &[String]) -> Option<(String, String)> {
     let words = match finding {
         Finding::Change(c) => format!("was {}, is {}", c.expected, c.found),

@@ -2,7 +2,7 @@
 
 use std::io::Read;
 
-/// Unpacks the records of a chunk, which has `promised` bytes. The error is in words.
+/// Unpacks the records of a chunk, which has `promised` bytes. The error is a text.
 ///
 /// Memory: grows with the bytes that are unpacked, up to the promised number, which must not exceed
 /// `limit`.

@@ -42,7 +42,7 @@ impl Pose {
 }
 
 /// Returns the polylines of a line. `indices` are those of its points in order; if there are none,
-/// all points are in order. The error is in words.
+/// all points are in order. The error is a text.
 pub(super) fn strips(
     kind: LineType,
     mut points: Vec<Point>,

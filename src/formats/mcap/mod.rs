@@ -180,7 +180,7 @@ impl Channels {
         Err(Error::unsupported(FORMAT, what))
     }
 
-    /// Returns the topics in words.
+    /// Returns the topics as text.
     fn list(&self) -> String {
         /// Maximum number of topics that are named.
         const NAMED: usize = 12;
@@ -206,7 +206,7 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Source<'static>
 struct Message {
     update: Update,
     log_time: u64,
-    /// Place in the file, in words.
+    /// Place in the file, as text.
     place: String,
 }
 

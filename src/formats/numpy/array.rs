@@ -168,7 +168,7 @@ impl Array {
         }
     }
 
-    /// Returns the shape in words.
+    /// Returns the shape as text.
     pub fn shape_text(&self) -> String {
         let sizes: Vec<String> = self.shape.iter().map(u64::to_string).collect();
         match sizes.is_empty() {

@@ -129,7 +129,7 @@ impl Files {
         open.map_or(Ok(()), |open| Box::new(open.sink).finish())
     }
 
-    /// Returns the files in words, if there are several or the file has another name.
+    /// Returns the files as text, if there are several or the file has another name.
     pub fn note(&self) -> Option<String> {
         let last = self.last.as_ref().filter(|_| self.number > 1)?.display();
         Some(match self.created {

@@ -1,9 +1,9 @@
 //! Frames that a recording keeps: all, some, or those around violations; in one file or in several.
 //!
-//! Every file replays by itself: it has the metadata of the run, the baseline and the names of the
-//! curves before its first frame, and again after frames that were left out. What was left out is
-//! counted in the file ([`RunProgress::left_out`](crate::RunProgress)), so that a reader
-//! can tell it from what was lost.
+//! Every file replays by itself. It has the metadata of the run, and before its first frame the
+//! baseline and the names of the curves, and again after skipped frames. Skipped frames are counted
+//! in the file ([`RunProgress::left_out`](crate::RunProgress)), so that a reader can distinguish
+//! them from lost frames.
 //!
 //! All of this is single-threaded code on the thread of a [`SinkQueue`](crate::SinkQueue).
 
@@ -162,8 +162,8 @@ struct Start {
     answered: u64,
     /// True if this frame does not continue the previous one, or has other curves.
     new: bool,
-    /// True if the baseline is not that of the frame before, because the frame has other curves, or
-    /// the simulator accepted it.
+    /// True if the baseline differs from that of the previous frame, because the frame has other
+    /// curves, or because the simulator accepted it.
     other_baseline: bool,
 }
 
@@ -250,7 +250,7 @@ trait Keep: Send {
         Ok(false)
     }
 
-    /// Returns the number of frames in words.
+    /// Returns the number of frames as text.
     fn note(&self, _files: &Files) -> Option<String> {
         None
     }
@@ -272,7 +272,7 @@ impl<K: Keep> Kept<K> {
 
 impl<K: Keep> Sink for Kept<K> {
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
-        // A frame before the first baseline was rejected, and the window of that goes on.
+        // A frame before the first baseline was rejected, and its window continues.
         if self.state.before.is_some() {
             self.keep.end(&mut self.files)?;
         }

@@ -138,7 +138,7 @@ impl Window {
                 self.memory,
             );
         }
-        // All waiting frames become due. Those of an earlier window are due already.
+        // All waiting frames become due. Frames of an earlier window are already due.
         self.due = self.waiting.len();
     }
 
