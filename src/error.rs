@@ -128,9 +128,9 @@ pub enum Error {
         curve: usize,
         /// Control points given.
         points: usize,
-        /// Basis and closure, in words.
+        /// Basis and closure, as text.
         kind: &'static str,
-        /// Requirement of the basis, in words.
+        /// Requirement of the basis, as text.
         needed: &'static str,
     },
     /// The curves of a frame differ from those of earlier frames.
@@ -298,7 +298,7 @@ impl Error {
     }
 }
 
-/// Returns how many of the open curves run through the cell, in words.
+/// Returns how many of the open curves run through the cell, as text.
 fn through_the_cell(yarns: usize) -> String {
     match yarns {
         0 => String::new(),

@@ -46,7 +46,7 @@ impl Connection {
 
 type FramePublisher = Publisher<Ipc, [u8], FrameHeader>;
 
-/// Publishers of a session. Each has a buffer of its own at every watcher.
+/// Publishers of a session. Each watcher keeps a separate buffer for each of them.
 #[derive(Debug)]
 pub(super) struct Publishers {
     frames: FramePublisher,

@@ -1,4 +1,4 @@
-//! Messages from the watcher to the simulator, as Rust types and in words.
+//! Messages from the watcher to the simulator, as Rust types and as text.
 
 use super::wire::{
     FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, LAYOUT_VERSION, NO_CURVE,

@@ -62,9 +62,9 @@ pub struct SidecarOptions {
     /// True if frames are received, but nothing is sent to the simulator: no verdict, no abort and
     /// no heartbeat. The simulator does not notice an observer.
     ///
-    /// A service has one watcher that answers; observers may run beside it, or without it. Watcher,
-    /// observers and bridges are 4 at most. Since the simulator does not wait for an observer,
-    /// frames may be skipped even in lockstep.
+    /// A service has at most one watcher that answers. Observers may run beside it, or without it.
+    /// Watcher, observers and bridges are limited to 4 together. The simulator does not wait for
+    /// observers, so they may skip frames even in lockstep.
     pub observe: bool,
     /// True if a watcher that starts late begins with the newest frame, not with the baseline that
     /// the simulator keeps.
@@ -167,10 +167,10 @@ impl Seen {
 impl Session {
     /// Records the sequence number of a frame. Returns an error text if it is implausible.
     ///
-    /// A number is implausible if it does not exceed the last one, or exceeds it by more frames
-    /// than a simulator can publish. A single such number is rejected as an error. If the next one
-    /// follows it, both are consistent, so the second one is accepted, and the number before them
-    /// is taken as the error.
+    /// A sequence number is implausible if it does not exceed the last one, or exceeds it by more
+    /// frames than a simulator can publish. A single such number is rejected. If the next number
+    /// continues it, the two are consistent: the second one is accepted, and the number before them
+    /// counts as the error.
     fn number(&mut self, seq: u64, is_baseline: bool) -> Result<(), String> {
         let at = (!is_baseline).then(Instant::now);
         let seen = Seen { seq, at };

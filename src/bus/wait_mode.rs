@@ -10,8 +10,7 @@ vocabulary! {
         #[default]
         Sleep = "sleep",
         /// Polls without a pause: receives a message within about a microsecond, but keeps one core
-        /// busy as long as it waits. Needs a core of its own; without one, it delays the other
-        /// side.
+        /// busy while it waits. If no core is free for it, it delays the other side.
         Spin = "spin",
     }
 }

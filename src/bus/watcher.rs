@@ -122,7 +122,7 @@ impl Watcher {
                     port: from,
                     how: match (&message.reason, message.abort) {
                         (Some(why), false) => Departure::Refused(why.clone()),
-                        // The reason is that of the frame.
+                        // The reason given with the frame applies.
                         _ => Departure::Goodbye,
                     },
                 },

@@ -68,8 +68,8 @@ pub(super) struct FrameHeader {
     pub basis: u32,
     /// 4 or 8.
     pub coordinate_bytes: u32,
-    /// Number of cuts in the session before this frame, wrapping. If it differs from that of the
-    /// last verified frame, this frame does not continue that one. It is a count, not a flag,
+    /// Number of cuts in the session before this frame, wrapping. If it differs from the number in
+    /// the last verified frame, this frame does not continue that frame. It is a count, not a flag,
     /// because the frame after a cut may be skipped.
     pub cuts: u32,
     /// Number of times that the simulator described its curves before this one. The curves, their
@@ -99,10 +99,10 @@ pub(super) const FINDING_DEFECT: u32 = 2;
 /// A pull-through: `found` is its sign, `distance` the fraction of the step.
 pub(super) const FINDING_EVENT: u32 = 3;
 
-/// Stands for "no second curve" in [`VerdictWire::j`].
+/// Value of [`VerdictWire::j`] that means "no second curve".
 pub(super) const NO_CURVE: u32 = u32::MAX;
 
-/// Stands for "no frame" in [`VerdictWire::last_intact`].
+/// Value of [`VerdictWire::last_intact`] that means "no frame".
 pub(super) const NO_FRAME: u64 = u64::MAX;
 
 /// A message from the watcher.
@@ -134,7 +134,8 @@ pub(super) struct VerdictWire {
     /// Bytes used of `reason`.
     pub reason_len: u32,
     pub unresolved: u32,
-    /// Number of curves that appeared, and of those that are gone, since the last verified frame.
+    /// Number of curves that appeared, and of curves that disappeared, since the last verified
+    /// frame.
     pub appeared: u32,
     pub gone: u32,
     /// Number of all findings of the frame.
@@ -169,8 +170,8 @@ const _: () = assert!(size_of::<FrameHeader>() == 192);
 const _: () = assert!(size_of::<VerdictWire>() == 424);
 
 impl FrameHeader {
-    /// Fails unless the magic number and the layout version are those of this build, and the
-    /// message belongs to a session. Until this check, no other field has a meaning.
+    /// Returns an error unless the magic number and the layout version are those of this build, and
+    /// the message belongs to a session. Other fields must not be read before this check.
     pub fn check_layout(&self) -> Result<()> {
         if self.magic != FRAME_MAGIC {
             let what = format!("{:#018x}, expected {FRAME_MAGIC:#018x}", self.magic);
@@ -193,8 +194,9 @@ impl FrameHeader {
         self.cell_origin = cell.map_or_else(Default::default, |cell| cell.origin);
     }
 
-    /// Returns the periodic cell, if there is one. Fails if it is no lattice, or if the number of
-    /// its vectors is another one than the header says: the scene could be taken for another one.
+    /// Returns the periodic cell, if there is one. Fails if it is not a lattice, or if the number
+    /// of its vectors differs from that in the header, because the scene might then be
+    /// misinterpreted.
     pub fn cell(&self) -> Result<Option<Cell>> {
         let field = |what| Error::format("frame", "periodic cell", what);
         let (vectors, _) = self.cell.as_chunks::<3>();

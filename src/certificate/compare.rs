@@ -57,8 +57,8 @@ impl Certificate {
             defects.partition(|d| d.kind == DefectKind::NoBaseline);
         let has = |i: u32, j: Option<u32>| fresh.iter().any(|d| (d.i, d.j) == (i, j));
         self.undefined.retain(|d| !has(d.i, d.j));
-        // A curve that has linking numbers again may still touch another curve, or be beside one
-        // that has none.
+        // A curve that has linking numbers again may still touch another curve, or may be paired
+        // with a curve without linking numbers.
         let curves = fresh.iter().filter(|d| d.j.is_none()).map(|d| d.i);
         let curves: Vec<u32> = curves.collect();
         for d in others {
@@ -98,8 +98,8 @@ impl Certificate {
     ///
     /// # Errors
     ///
-    /// [`Error::CertificateMismatch`] if the numbers of curves differ; [`Error::Usage`] if
-    /// only one of both is of a periodic scene.
+    /// [`Error::CertificateMismatch`] if the numbers of curves differ; [`Error::Usage`] if only one
+    /// certificate is of a periodic scene.
     pub fn compare(&self, baseline: &Certificate) -> Result<Comparison> {
         self.compare_except(baseline, &[])
     }

@@ -35,8 +35,8 @@
 //! image of its start by this translation. The translations of entries with it count up to
 //! multiples of that.
 //!
-//! The translations are those of [`canonical`] names, which depend on the topology alone: the text
-//! is the same whichever images the coordinates of the curves belong to.
+//! The translations are those of [`canonical`] names, which depend on the topology alone. So the
+//! text does not depend on the images by which the curves are given.
 //!
 //! More lines have invariants of curves and of triples: see [`higher`].
 

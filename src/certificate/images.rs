@@ -39,7 +39,7 @@ impl Differences {
                     found,
                     place: None,
                 }),
-                // A pair without a number is a defect of its own.
+                // A pair without a number has a separate entry as a defect.
                 _ => {}
             }
         }
@@ -85,8 +85,8 @@ impl Certificate {
         Some(all)
     }
 
-    /// Returns this certificate with other entries of pairs, sorted, of a periodic scene. The kinds
-    /// and places of those without a number are known from this certificate and from `others`.
+    /// Returns this certificate with other entries of pairs, sorted, of a periodic scene. For pairs
+    /// without a number, takes the kind and the place from this certificate or from `others`.
     pub(crate) fn with_entries(&self, entries: &[Entry], others: &[Defect]) -> Certificate {
         let mut out = Certificate {
             curves: self.curves,

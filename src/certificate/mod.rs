@@ -85,7 +85,7 @@ impl Certificate {
     /// themselves, sorted; `None` if the scene is not periodic ([`Cell`](crate::Cell)).
     ///
     /// The coordinates of a curve may be those of any of its images, and the translations depend on
-    /// that. [`Certificate::compare`] finds out which belong together.
+    /// that. [`Certificate::compare`] finds which translations correspond.
     pub fn images(&self) -> Option<&[ImageLink]> {
         self.images.as_deref()
     }

@@ -52,7 +52,8 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// Returns the cell with these edges along the axes; an edge of 0 stands for no repetition.
+    /// Returns the cell with these edges along the axes. An edge of 0 means that the axis is not
+    /// periodic.
     pub fn orthogonal(origin: Point, edges: [f64; 3]) -> Cell {
         let vectors = per_axis(|k| per_axis(|x| if x == k { edges[k] } else { 0.0 }));
         Cell { origin, vectors }
@@ -96,7 +97,7 @@ impl Cell {
     const SIZES: RangeInclusive<f64> = 1e-60..=1e60;
 
     /// Returns three vectors `b` with `b[k] . a[l] = 1` if `k = l`, else 0, up to rounding, for the
-    /// lattice vectors `a`. A vector without repetition is replaced by a unit vector orthogonal to
+    /// lattice vectors `a`. A lattice vector of zeros is replaced by a unit vector orthogonal to
     /// the others. `None` if the vectors are almost linearly dependent.
     pub(crate) fn inverse(&self) -> Option<[Point; 3]> {
         let a = self.basis()?;
@@ -108,8 +109,8 @@ impl Cell {
         spans.then(|| normals.map(|n| n.map(|x| x / volume)))
     }
 
-    /// Returns the lattice vectors, with a unit vector orthogonal to the others for each one
-    /// without repetition. `None` if there are too few.
+    /// Returns the lattice vectors, with each vector of zeros replaced by a unit vector orthogonal
+    /// to the others. `None` if all are zero.
     pub(crate) fn basis(&self) -> Option<[Point; 3]> {
         let mut a = self.vectors;
         let periodic = self.periodic();

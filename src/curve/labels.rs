@@ -102,7 +102,7 @@ pub(crate) struct CurveChange {
     pub origins: Vec<Option<u32>>,
     /// Names of the curves that appeared, in the order of the frame.
     pub appeared: Vec<String>,
-    /// Names of the curves that are gone, in the order of the frame before.
+    /// Names of the curves that disappeared, in the order of the previous frame.
     pub gone: Vec<String>,
     /// Names of the curves that were closed before, and are open.
     pub opened: Vec<String>,
@@ -110,7 +110,7 @@ pub(crate) struct CurveChange {
     pub closed: Vec<String>,
     /// Names of the curves with another number of points than before.
     pub resized: Vec<String>,
-    /// Names of the curves that appeared, and were there before they were gone.
+    /// Names of curves that appeared, and had existed before they disappeared.
     pub returned: Vec<String>,
 }
 
@@ -165,7 +165,7 @@ impl CurveChange {
         }
     }
 
-    /// Returns in words what is not compared with the frames before.
+    /// Returns a text about what is not compared with earlier frames.
     #[cfg(feature = "verify")]
     pub fn words_of_uncompared(&self) -> impl Iterator<Item = String> {
         let opened = words_of_first(&self.opened).map(|curves| {
@@ -178,8 +178,8 @@ impl CurveChange {
         opened.into_iter().chain(returned).chain(replaced)
     }
 
-    /// Returns in words which curves have pull-throughs that are not searched for: those that were
-    /// open before and are closed, or have another number of points. `None` if there are none.
+    /// Returns a text that names the curves whose pull-throughs are not searched for, because they
+    /// were open and are closed now, or have another number of points. `None` if there are none.
     #[cfg(feature = "verify")]
     pub fn words_of_unsearched(&self) -> Option<String> {
         let closed = words_of_first(&self.closed)
@@ -197,7 +197,7 @@ impl CurveChange {
     }
 }
 
-/// Returns the first name and the number of the others. `None` if there are none.
+/// Returns the first name and how many others there are. `None` if there are no names.
 #[cfg(feature = "verify")]
 fn words_of_first(names: &[String]) -> Option<String> {
     let first = names.first()?;
@@ -207,8 +207,8 @@ fn words_of_first(names: &[String]) -> Option<String> {
     })
 }
 
-/// Returns which curves appeared and which are gone, in words: "curves appeared: a, b; gone: c".
-/// `None` if there are none.
+/// Returns a text that names the curves that appeared and disappeared: "curves appeared: a, b;
+/// gone: c". `None` if there are none.
 pub(crate) fn words_of_change(appeared: &[String], gone: &[String]) -> Option<String> {
     /// Maximum number of names of each kind; the rest is counted.
     const NAMED: usize = 8;

@@ -62,10 +62,10 @@ impl Diagram {
         format!("GaussCode[{}]", joined(components))
     }
 
-    /// Returns the DT code: the crossings are passed with an odd and an even number each; the code
-    /// lists the even numbers in the order of the odd ones. The sign of the first one is positive,
-    /// and the others are positive if they pass on the same level as it does. Components without
-    /// crossings have empty lists.
+    /// Returns the DT code. Each crossing is passed once with an odd and once with an even number;
+    /// the code lists the even numbers in the order of the odd ones. The first number is positive.
+    /// Another number is positive if its passage is on the same level (over or under) as the first
+    /// one. Components without crossings have empty lists.
     ///
     /// The code does not tell a diagram from its mirror image.
     ///

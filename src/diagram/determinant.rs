@@ -36,8 +36,8 @@ impl Diagram {
         determinant(faces, &edges)
     }
 
-    /// Returns the number of faces, and the edges of the graph of those of one colour: two faces
-    /// and a weight for each crossing.
+    /// Returns the number of faces, and the edges of the checkerboard graph of the faces of one
+    /// colour: for each crossing, two faces and a weight.
     fn goeritz_graph(&self) -> (usize, Vec<(usize, usize, i64)>) {
         let code = self.pd_code();
         // Both ends of each arc: four times the crossing, plus the place at it.
@@ -98,7 +98,7 @@ fn determinant(faces: usize, edges: &[(usize, usize, i64)]) -> BigUint {
         degrees[a] += 1;
         degrees[b] += 1;
     }
-    // The vertex that is left out is that with the largest degree: the bound is smallest.
+    // Removes the vertex with the largest degree, because the bound is then smallest.
     let root = (0..faces).max_by_key(|&f| degrees[f]).unwrap_or(0);
     let others = (0..faces).filter(|&f| f != root);
     let bound: BigUint = others.map(|f| BigUint::from(degrees[f].max(1))).product();
@@ -358,7 +358,7 @@ impl<'a> Matrix<'a> {
 /// Returns the determinant of the Laplacian without the row and the column of `root` modulo each
 /// prime, as [`Program::run`] does, and the program. No pivot is 0 modulo the first prime.
 ///
-/// The next pivot is that of the row with the fewest entries, among those that are not 0.
+/// The next pivot is in the row with the fewest entries, among the rows that are not 0.
 fn minor(
     faces: usize,
     edges: &[(usize, usize, i64)],

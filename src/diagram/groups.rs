@@ -7,8 +7,8 @@ use crate::verdict::Defect;
 use rayon::prelude::*;
 
 /// Returns the reduced diagrams of all closed curves, each by itself, then those of connected
-/// groups of curves, if `groups` is set; all sorted by their curves. Or the reason why curves have
-/// none: a contact, for example, which does not keep others from theirs.
+/// groups of curves if `groups` is set, all sorted by their curves. Instead of a diagram, returns
+/// the reason why there is none, a contact for example. Other diagrams are not affected.
 ///
 /// A group is connected if its reduced diagram is. Curves that are in no group are splittable from
 /// all others: they can be pulled away from them.

@@ -103,10 +103,10 @@ impl HigherInvariants {
         numbers.filter(not).count()
     }
 
-    /// Compares these invariants with the expected ones, and expects from now on those of curves
-    /// that were not known. `changed` has the pairs whose linking numbers changed: their triples
-    /// are not compared. Also returns the number of curves or triples that could not be compared,
-    /// for which no defect of this frame is the reason.
+    /// Compares these invariants with the expected ones. Invariants that were unknown become the
+    /// expected ones. `changed` has the pairs whose linking numbers changed; their triples are not
+    /// compared. Also returns the number of curves or triples that could not be compared, if no
+    /// defect of this frame is the reason.
     pub fn compare(
         &self,
         expected: &mut HigherInvariants,

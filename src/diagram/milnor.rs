@@ -26,7 +26,8 @@ use std::collections::BTreeMap;
 
 /// A passage of a component below another one.
 pub(super) struct Below {
-    /// Positions of the passage in the component, and of that of the other one above it.
+    /// Position of the passage in its component, and position of the passage above it in the other
+    /// one.
     at: u32,
     above_at: u32,
     sign: i64,

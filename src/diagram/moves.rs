@@ -42,8 +42,8 @@ impl Lists {
     }
 }
 
-/// Makes moves I and II until none is left. Removes the passages of the crossings that are gone.
-/// Returns the numbers of moves I and II.
+/// Makes Reidemeister moves I and II until none is possible. Removes the passages of the removed
+/// crossings. Returns the numbers of moves I and II.
 pub(super) fn reduce(components: &mut [Vec<u32>], signs: &[i8]) -> [u64; 2] {
     let total = 2 * signs.len();
     let mut lists = Lists {

@@ -15,7 +15,7 @@ const KNOTS: [(&str, i64, i64, &str); 5] = [
 pub struct KnotName {
     /// `unknot`, `3_1`, `4_1`, `5_1` or `5_2`.
     pub symbol: &'static str,
-    /// Handedness of a knot that differs from its mirror image: that of the sign of `v3`.
+    /// Handedness of a knot that differs from its mirror image: the sign of `v3`.
     pub right_handed: Option<bool>,
     /// True if the diagram has at most 5 crossings. Then the name is proven: the invariants tell
     /// these knots apart, and all others need more crossings. Otherwise the invariants are

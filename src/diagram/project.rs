@@ -86,7 +86,7 @@ pub(super) enum Crossings {
     OfDifferentCurves,
 }
 
-/// Edges of the curves, without those of length 0.
+/// Edges of the curves, except edges of length 0.
 pub(super) struct Edges {
     ends: Vec<[Point; 2]>,
     /// The next edge of the same curve.

@@ -61,9 +61,10 @@ fn between(frames: [&CurveSet; 2], curve: u32, time: f64) -> Option<CurveSet> {
     CurveSet::from_counts(Basis::Polyline, &counts, positions).ok()
 }
 
-/// Returns the linking number of the two parts of a curve at a crossing of these segments. If they
-/// have none, the passage is at a vertex: the crossing is that of neighbours with the smallest
-/// height. Crossings of other segments get given signs. `None` if the curve touches itself.
+/// Returns the linking number of the two parts of a curve that result from smoothing it at a
+/// crossing of these segments. If these segments do not cross, the passage is at a vertex, and the
+/// crossing of neighbours with the smallest height is used. Crossings of other segments get the
+/// given signs. `None` if the curve touches itself.
 fn linking_of_parts(set: &CurveSet, segments: [u32; 2], others: &[([u32; 2], i32)]) -> Option<i64> {
     let curve = set.curve(0);
     let near = |of: u32, s: u32| [curve.before(of), of, curve.after(of)].contains(&s);

@@ -1,4 +1,4 @@
-//! Diagrams in words and as JSON.
+//! Diagrams as text and as JSON.
 
 use super::{Diagram, Invariants, TripleLink};
 use crate::verdict::Link;
@@ -125,7 +125,7 @@ impl fmt::Display for Invariants {
     }
 }
 
-/// Returns a number in words.
+/// Returns a number as text.
 fn words(number: Option<impl fmt::Display>) -> String {
     number.map_or("not computed".into(), |number| number.to_string())
 }

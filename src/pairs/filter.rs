@@ -1,4 +1,4 @@
-//! Pairs of curves that an engine considers, if not all: those of virtual loops or of images.
+//! Subset of the pairs of curves that an engine verifies, for virtual loops and for images.
 
 use crate::curve::{Image, Translated};
 use crate::pairs::Pair;
@@ -16,8 +16,8 @@ pub(crate) enum PairFilter {
     Images(Translated),
 }
 
-/// Pairs of the curves of a frame and of loops, which come after them: all pairs of two curves;
-/// those of a loop and a closed curve; and those of two loops without a common curve.
+/// Pairs of curves of a frame and of the loops that follow them: all pairs of two curves, pairs of
+/// a loop and a closed curve, and pairs of two loops without a common curve.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct LoopPairs {
     /// True for each curve of the frame that is closed.

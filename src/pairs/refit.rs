@@ -1,4 +1,4 @@
-//! Computation of the boxes of the trees from those of their leaves, in parallel.
+//! Computes the boxes of trees from the boxes of their leaves, in parallel.
 
 use super::layout::{Layout, Leaves};
 use crate::curve::{Box3, BoxGroup, CurveSet};

@@ -64,8 +64,8 @@ impl LinkSearch {
         self.collect(boxes.len())
     }
 
-    /// Finds the potential links of curves, sorted, except those of the curves with these defects,
-    /// which are sorted. `boxes` are the bounding boxes of the curves.
+    /// Finds the potential links of curves, sorted, except those of curves with one of these
+    /// defects, which are sorted. `boxes` are the bounding boxes of the curves.
     ///
     /// If there are many for the curves that have boxes, discards those that a plane orthogonal to
     /// a diagonal separates ([`Diagonals`]).

@@ -58,7 +58,7 @@ pub fn report(py: Python<'_>, report: &Report, names: &[String]) -> PyResult<Py<
     Ok(made.call1((text, words, names, known))?.unbind())
 }
 
-/// Returns changes as JSON and in words. `extent` is that of the scene, 0 if it is unknown.
+/// Returns changes as JSON and as text. `extent` is that of the scene, 0 if it is unknown.
 pub fn changes(list: &[Change], extent: f64, names: &[String]) -> Described {
     let words = list.iter().map(|c| c.sentence_named(extent, names));
     (json(&list), words.collect())

@@ -1,5 +1,5 @@
-//! Frames on their way through the verification: curves as they are given, and with their periodic
-//! images; and their memory, reused for later frames.
+//! Frames during the verification: the given curves, the same with their periodic images, and their
+//! memory, which is reused for later frames.
 
 use super::{Cell, CurveSet, Translated};
 use crate::error::{Error, Result};
@@ -50,7 +50,7 @@ impl Frame {
         }
     }
 
-    /// Returns the curves as they are given.
+    /// Returns the given curves, without images.
     pub fn given(&self) -> &Arc<CurveSet> {
         &self.given
     }

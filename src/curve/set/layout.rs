@@ -1,5 +1,5 @@
-//! Layout of a set, which is all of it except the positions, and its comparison with that of other
-//! sets.
+//! Layout of a set, which is everything except the positions, and its comparison with other
+//! layouts.
 
 use super::curve::Curve;
 use super::{Basis, CurveSet, Precision};
@@ -11,7 +11,7 @@ use std::sync::Arc;
 pub(crate) struct Shape {
     basis: Basis,
     precision: Precision,
-    /// Equal at once if both are the same, because [`Curve`] is `Eq`.
+    /// Fast if both are the same allocation, because [`Curve`] is `Eq`.
     curves: Arc<Vec<Curve>>,
 }
 
@@ -44,7 +44,7 @@ impl CurveSet {
         }
     }
 
-    /// Fails if curves of this basis, precision and counts are others than those of this set.
+    /// Returns an error if basis, precision or counts differ from those of this set.
     pub(crate) fn check_layout(
         &self,
         basis: Basis,
@@ -71,7 +71,7 @@ impl CurveSet {
         self.check_precision(precision)
     }
 
-    /// Fails if positions have another precision than those of this set.
+    /// Returns an error if the precision of the positions differs from that of this set.
     pub(super) fn check_precision(&self, precision: Precision) -> Result<()> {
         let [before, now] = [self.precision(), precision].map(|p| p.bytes() as u64);
         match before == now {

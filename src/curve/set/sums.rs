@@ -60,7 +60,7 @@ impl Translated {
         Some(plus(image, self.periods[curve as usize]?))
     }
 
-    /// Returns the number of periods from a curve to another one, if both are images of one yarn by
+    /// Returns the number of periods from one curve to another, if both are images of one yarn by
     /// multiples of its period.
     pub fn periods_between(&self, i: usize, j: usize) -> Option<i32> {
         let [(yarn, from), (other, to)] = [i, j].map(|i| self.curves[i]);
@@ -263,8 +263,8 @@ impl CurveSet {
         Ok(())
     }
 
-    /// [`CurveSet::toward`] for translated curves: those of the frame at a fraction of the step, in
-    /// the cell at this fraction.
+    /// Same as [`CurveSet::toward`], for translated curves: interpolates the curves of the frame
+    /// and the cell.
     pub(super) fn translated_toward(
         [from, to]: [&Sums; 2],
         fraction: f64,

@@ -7,8 +7,8 @@ use super::volume::Piece;
 use crate::curve::{Notation, Point};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-/// Largest motion of an end point against the others, and largest distance of end points from a
-/// line that counts as straight, relative to the smallest distance of two stubs.
+/// Largest motion of an end point relative to the others, and largest distance of end points from a
+/// line that counts as straight, both relative to the smallest distance of two stubs.
 const TOLERANCE: f64 = 0.05;
 const STRAIGHT: f64 = 0.1;
 
@@ -116,8 +116,8 @@ impl End {
         if ends.is_empty() { Err(why) } else { Ok(ends) }
     }
 
-    /// Returns the position of the end in a frame, from its end points, which are those of these
-    /// curves, and the middle of the other end.
+    /// Returns the position of the end in a frame, from its end points on the given curves, and the
+    /// middle of the other end.
     ///
     /// # Errors
     ///

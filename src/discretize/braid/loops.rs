@@ -29,12 +29,12 @@ pub struct BraidLoops {
     places: Vec<(usize, usize)>,
     /// Curves of the first frame.
     shape: Shape,
-    /// The curves of the first frame, and after them its loops, which take the place of those of a
-    /// frame that breaks a condition.
+    /// The curves of the first frame, followed by its loops. These loops are used in frames that
+    /// break a condition.
     first: CurveSet,
 }
 
-/// A braid whose ends are known.
+/// A braid with its ends.
 #[derive(Clone, Debug)]
 struct Resolved {
     curves: Vec<u32>,
@@ -268,9 +268,9 @@ impl BraidLoops {
         Braids::Given(self.braids.iter().map(braid).collect())
     }
 
-    /// Returns the curves of a frame, in which loops take the place of the curves of braids: that
-    /// of a curve and the next one of its braid has the index of the first one. Closed curves, and
-    /// open curves of no braid, stay.
+    /// Returns the curves of a frame with loops in place of the curves of braids. The loop of a
+    /// curve and the next one of its braid has the index of the first one. Closed curves, and open
+    /// curves of no braid, stay the same.
     ///
     /// # Errors
     ///
@@ -294,7 +294,7 @@ impl BraidLoops {
 
     /// Writes the curves of a frame, and after them its loops, into `out`: the set of an earlier
     /// frame, or nothing. If the frame breaks a condition of the braids, the loops are those of the
-    /// first frame. Returns this condition in words. The frame has the curves of the first one.
+    /// first frame. Returns this condition as text. The frame has the curves of the first one.
     ///
     /// # Errors
     ///

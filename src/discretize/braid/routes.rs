@@ -1,4 +1,5 @@
-//! Routes of the virtual connections of an end: each within a layer, past the stubs of the others.
+//! Routes of the virtual connections of an end. Each runs within a layer, past the stubs of the
+//! other curves.
 //!
 //! In the plane orthogonal to the stubs, each stub is a point. The connection from point `m` to the
 //! next one is a straight line, or goes around in a U. It stays away from all other points, so that
@@ -45,7 +46,7 @@ pub fn find(points: &[Point2]) -> Option<Vec<Route>> {
     Some(routes)
 }
 
-/// Returns the route from point `m`, after those of the points before it.
+/// Returns the route from point `m`. The routes from earlier points must be known.
 fn one(points: &[Point2], gap: f64, routes: &[Route], m: usize) -> Option<Route> {
     let clearance = CLEARANCE * gap;
     let n = points.len();

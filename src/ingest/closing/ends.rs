@@ -85,8 +85,8 @@ impl Layout {
         if within.is_finite() { within } else { 0.0 }
     }
 
-    /// Returns the largest distance of ends that meet by rounding alone, whatever the median
-    /// segment is.
+    /// Returns the largest distance of two ends that can be caused by rounding, whatever the
+    /// lengths of the segments.
     fn rounding(&self, at: &Positions<'_>) -> f64 {
         let ends = [self.point(at, 0), self.point(at, self.points - 1)];
         let numbers = ends.as_flattened().iter();

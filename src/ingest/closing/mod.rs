@@ -1,8 +1,8 @@
 //! Curves that end where they start, and curves that are closed by a long segment.
 //!
 //! Coil files, simulators that break rings up and many exporters write a ring as an open curve that
-//! repeats its first point. Other formats close every curve unless they are told otherwise, also
-//! the linear chains of a melt. [`Closing`] decides alike for all frames, wherever they come from.
+//! repeats its first point. Other formats close every curve unless an option says otherwise, even
+//! the linear chains of a melt. [`Closing`] decides in the same way for frames from all sources.
 //!
 //! Cost: one pass over the numbers of points a frame. The points of open curves, and the segments
 //! of all curves, are read in the first frame only. A frame with curves that end where they start
@@ -174,8 +174,8 @@ impl Closing {
         }
     }
 
-    /// Returns a frame with the curves that are to be verified. It is the given one if no curve
-    /// changes. A frame of other curves than the first one is returned as it is.
+    /// Returns a frame with the curves to verify: the given frame if no curve changes. A frame
+    /// whose curves differ from those of the first frame is returned unchanged.
     ///
     /// # Errors
     ///
@@ -253,8 +253,8 @@ impl Closing {
         CurveSet::from_counts(closed.basis, closed.counts, closed.positions)
     }
 
-    /// Same as [`Closing::curves`] for curves that were read already. `None` if they stay as they
-    /// are.
+    /// Same as [`Closing::curves`], for curves that were already read. `None` if they stay
+    /// unchanged.
     ///
     /// # Errors
     ///

@@ -169,7 +169,7 @@ pub(crate) struct FarSum {
     pub size: [u32; 3],
 }
 
-/// Offset of a field, or size of a struct, in words.
+/// Offset of a field, or size of a struct, as text.
 macro_rules! word {
     ($struct:ident.$field:ident) => {
         (std::mem::offset_of!($struct, $field) / 4) as u32
