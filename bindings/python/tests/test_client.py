@@ -216,7 +216,7 @@ def test_other_threads_use_a_client_in_turns(service):
         for thread in threads:
             thread.join()
         assert not failed
-        # A thread that waits lets the others take their turns.
+        # A thread that waits lets the other threads run.
         waiting = threading.Thread(target=sim.wait, args=(1.0,))
         waiting.start()
         start = time.monotonic()

@@ -86,7 +86,7 @@ def projected(snappy, curves):
 
 
 def homology(link):
-    """Returns the ranks of the knot Floer homology, which is that of the knot, up to moves."""
+    """Returns the ranks of the knot Floer homology, which moves do not change."""
     link.simplify("global")
     if not link.crossings:
         return {(0, 0): 1}

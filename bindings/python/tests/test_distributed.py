@@ -1,4 +1,4 @@
-"""Runs that many workers verify: their results are those of one."""
+"""Runs on many workers have the results of a run on one worker."""
 
 import os
 import random
@@ -60,7 +60,7 @@ def test_the_run_of_many_workers_is_that_of_one(seed):
     with ThreadPoolExecutor(2) as client:
         for chunk in (1, rng.randint(2, 9), None):
             found = linkwatch.check(frames, client=client, chunk=chunk, **options)
-            # In a cell, places in words may be rounded to other digits.
+            # In a cell, coordinates in texts may be rounded to other digits.
             rounded = [re.sub(r"\.\d+", "", str(run)) for run in (found, alone)]
             assert rounded[0] == rounded[1]
             assert {**tables(found), "summary": ""} == {**tables(alone), "summary": ""}

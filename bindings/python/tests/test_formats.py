@@ -205,7 +205,7 @@ def tg3(kind="Linear", repeats=(), rings=(RING, OTHER), periodic=1):
     )
 
 
-# Files by name, and what their summaries must say besides "2 curves, 2 closed".
+# Files by name, and texts that their summaries must contain besides "2 curves, 2 closed".
 FILES = {
     "a.vtk": (vtk(), []),
     "new.vtk": (vtk("5.1"), []),
@@ -918,7 +918,7 @@ def test_what_the_command_leaves_out_is_said(tmp_path):
 
 
 def exploded(curves):
-    """Returns a VTK file of edges, each of which has points of its own."""
+    """Returns a VTK file of edges, each with separate points."""
     ends = [np.stack([curve, np.roll(curve, -1, axis=0)], axis=1) for curve in curves]
     points = np.concatenate(ends).reshape(-1, 3)
     edges = np.arange(len(points)).reshape(-1, 2)

@@ -60,7 +60,7 @@ def test_parts_find_what_a_whole_run_finds(seed):
     for parts in (1, 2, rng.randint(1, len(frames)), len(frames)):
         analysis = linkwatch.mdanalysis.LinkAnalysis(made, **options)
         found = analysis.run(step=step, n_parts=min(parts, len(frames))).results.run
-        # In a cell, places in words may be rounded to other digits.
+        # In a cell, coordinates in texts may be rounded to other digits.
         rounded = [re.sub(r"\.\d+", "", str(run)) for run in (found, alone)]
         assert rounded[0] == rounded[1]
         assert {**tables(found), "summary": ""} == {**tables(alone), "summary": ""}

@@ -214,7 +214,7 @@ def test_serial_numbers_of_pdb_that_bonds_need_are_unique(tmp_path):
     ids = [line[6:11] for line in text.splitlines() if line.startswith("ATOM")][:24]
     assert len(set(ids)) == 24 and text.count("CONECT") >= 24
     assert [frame.counts for frame in linkwatch.read(tmp_path / "a.pdb")] == [[-12, -12]] * 2
-    # The serial numbers of the second ring are those of the first one, or stars.
+    # The serial numbers of the second ring repeat those of the first one, or are stars.
     for shown, start in (("1", 0), (r"\*\*\*\*\*", None)):
         found = "".join(
             line[:6] + (ids[ids.index(line[6:11]) - 12] if start == 0 else "*****") + line[11:]
@@ -225,7 +225,7 @@ def test_serial_numbers_of_pdb_that_bonds_need_are_unique(tmp_path):
         path = written(tmp_path, "b.pdb", found)
         with pytest.raises(ValueError, match=f"atoms have the serial number {shown}, so CONECT"):
             linkwatch.read(path)
-        # Without CONECT, and beside a topology, they do not count.
+        # Without CONECT, or with another topology, serial numbers are not used.
         alone = "".join(x for x in found.splitlines(keepends=True) if not x.startswith("CONECT"))
         assert len(list(linkwatch.read(written(tmp_path, "c.pdb", alone), closed=True))) == 2
         assert len(list(linkwatch.read(tmp_path / "a.pdb", path))) == 4
@@ -341,7 +341,7 @@ def test_frames_of_the_first_file_are_frames_if_later_files_have_its_kind(tmp_pa
     assert len(frames) == 2 and "is the topology" not in str(frames.summary)
     frames = linkwatch.read(paths[0], save(universe(frames=2), tmp_path / "a.dcd"))
     assert len(frames) == 2 and "F0.pdb is the topology" in str(frames.summary)
-    # Files with several frames each may be runs of their own.
+    # Files with several frames each may be separate runs.
     paths = [save(universe(frames=2), tmp_path / f"{name}.pdb", bonds="all") for name in "ab"]
     code, out, err = run("check", *paths)
     assert (code, out) == (2, "") and "2 files have several frames each: check each" in err

@@ -83,7 +83,7 @@ def test_a_cut_is_not_searched_for_pull_throughs():
     session = linkwatch.Session(events="all")
     assert session.step([RING, OTHER]).intact
     assert session.step([RING, out(4)]).pull_throughs
-    # Beside the first square and back, through it: linked again.
+    # The squares are linked again. After a cut, the step to this frame is not searched.
     session.cut()
     report = session.step([RING, OTHER])
     assert report.intact and report.pull_throughs == []

@@ -212,7 +212,7 @@ def _flags(closed: Any, curves: int) -> list[bool]:
 
 
 def _agree(counts: list[int], flags: Iterable[bool]) -> None:
-    """Raises an exception if a sign of the counts says something else than the flags."""
+    """Raises an exception if the sign of a count contradicts the flag of its curve."""
     for i, (count, flag) in enumerate(zip(counts, flags)):
         if flag != (count < 0):
             state = "open" if count >= 0 else "closed"

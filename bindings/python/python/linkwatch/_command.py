@@ -60,7 +60,7 @@ def _main() -> int:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     args = _in_place(sys.argv[1:])
-    # Each file of `--each` comes back in a process of its own, as the value of `--only`.
+    # With `--each`, each file is passed to a separate process, as the value of `--only`.
     each = "--each" in args and "--only" not in args
     if each and (option := _given(args, "--select", "--format")):
         return _refuse(f"{option} has no effect with --each: check each file alone")
@@ -181,7 +181,7 @@ def _run(args: list[str], only: int | None) -> int:
         are_runs = args[0] == "check" and "--one-motion" not in args
         if convert([*files, *options, archive], says_parts=False, are_runs=are_runs) == 2:
             return 2
-        # Further archives have the frames from which on the curves are others.
+        # If the curves change, the frames from there on are in further archives.
         more = len(os.listdir(folder)) - 1
         if more and only:
             return _refuse("the curves change: check the file without --each")
@@ -224,7 +224,7 @@ def _those_with_the_frame(args: list[str], first: str) -> list[str]:
 
 
 def _options_of_readers(args: list[str]) -> tuple[list[str], list[str]]:
-    """Returns the options of :func:`convert` among others, and the others."""
+    """Splits arguments into the options of :func:`convert` and all others."""
     options, others = [], []
     words = iter(args)
     for word in words:

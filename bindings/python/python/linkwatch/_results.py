@@ -55,7 +55,7 @@ class Result:
 
     @classmethod
     def _made(cls, json: dict[str, Any], words: str, **other: Any) -> Any:
-        """Returns the object of this class, whose fields are those of the JSON and others."""
+        """Creates an object of this class from the fields of the JSON and additional ones."""
         made = cls()
         vars(made).update(_json=json, _words=words)
         kinds = _KINDS.get(cls.__name__)

@@ -172,7 +172,7 @@ def _sent(source: Frames, chunk: int | None) -> Iterator[Any]:
 
 
 def _copied(frame: Frame) -> Frame:
-    """Returns a frame with points of its own: a simulation may write the next ones over them."""
+    """Copies the points of a frame, because a simulation may overwrite them."""
     return dataclasses.replace(frame, positions=frame.positions.copy())
 
 

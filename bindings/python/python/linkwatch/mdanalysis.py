@@ -124,7 +124,7 @@ class LinkAnalysis(_base.AnalysisBase):  # type: ignore[misc,name-defined]
     def _compute(
         self, indexed_frames: Any, verbose: bool | None = None, *, progressbar_kwargs: Any = None
     ) -> Any:
-        """Verifies a part of the frames. A frame alone would say nothing about the step to it."""
+        """Verifies a part of the frames. A single frame would have no step to verify."""
         if not len(indexed_frames):
             return SimpleNamespace(frames=[], times=[], results=_base.Results(parts=[]))
         start, stop = int(indexed_frames[0, 0]), int(indexed_frames[-1, 0]) + 1

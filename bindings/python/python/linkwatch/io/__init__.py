@@ -149,7 +149,7 @@ def _head(path: Path) -> bytes:
 
 
 def format_of(path: Path) -> Format:
-    """Returns the format of a file; the last one, that of the command, if it is no other."""
+    """Returns the format of a file: the last one, read by the command, if no other matches."""
     found = next((one for one in FORMATS if one.has(path)), FORMATS[-1])
     if path.name.lower().startswith("coils."):
         is_unknown = found is FORMATS[-1] and not path.name.lower().endswith(OWN)

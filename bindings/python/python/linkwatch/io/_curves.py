@@ -84,7 +84,7 @@ class Scene:
     unfit: str = ""
 
     def flat(self) -> Array:
-        """Returns the points of all curves, and describes those of a list."""
+        """Returns the points of all curves as one array, and sets their counts from a list."""
         curves = self.curves
         if self.points is None and curves:
             self.points = np.concatenate([curve.points for curve in curves])
@@ -179,7 +179,7 @@ class Rules:
         summary.notes += [before + note for note in scene.notes]
 
     def _say(self, scene: Scene, seq: int, crossing: int) -> None:
-        """Adds what was left out, other than before, and the first unwrapping to the summary."""
+        """Adds new kinds of skipped elements and the first unwrapping to the summary."""
         summary, left_out = self.summary, scene.left_out.sentences()
         if left_out != self._left_out:
             before = "" if self._counts is None else f"{scene.place}: "
@@ -204,7 +204,7 @@ def plural(number: int, one: str, many: str) -> str:
 
 
 def ends_meet(points: Array, counts: list[int]) -> list[bool]:
-    """Returns if each curve ends where it starts, by the rule of docs/reference/formats.md."""
+    """Returns for each curve if it ends at its start (docs/reference/formats.md)."""
     return _linkwatch.ends_meet(*arguments.frame(points, counts, None))
 
 
@@ -222,7 +222,7 @@ def unwrapped(points: Array, counts: list[int], cell: Array) -> tuple[Array, lis
     ends = np.cumsum(sizes)
     starts = ends - sizes
     is_closed = np.asarray(counts) < 0
-    # A vector of zeros stands for a direction without repetition.
+    # A vector of zeros means that the direction is not periodic.
     vectors, to_cell = cell[:3], np.linalg.pinv(cell[:3])
     steps = np.empty_like(points)
     np.subtract(points[1:], points[:-1], out=steps[1:])

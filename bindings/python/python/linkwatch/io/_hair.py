@@ -12,7 +12,7 @@ from ._curves import Curve, Scene
 if TYPE_CHECKING:
     from pathlib import Path
 
-# Arrays that follow the header of a .hair file, by the bits that say so.
+# Arrays that follow the header of a .hair file, with the bits of the header that announce them.
 SEGMENTS, POINTS, THICKNESS = 1, 2, 4
 HEADER = struct.Struct("<4s4If f3f88s")
 
@@ -72,7 +72,7 @@ def read_usc(path: Path) -> Scene:
 
 
 def _whole(scene: Scene) -> Scene:
-    """Removes strands of one point, which stand for hair that is missing, and says so."""
+    """Removes strands of one point, which mark missing hair, and reports them."""
     strands = len(scene.curves)
     scene.curves = [curve for curve in scene.curves if len(curve.points) > 1]
     if len(scene.curves) < strands:

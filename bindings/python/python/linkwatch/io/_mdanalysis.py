@@ -55,7 +55,7 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="linkwatch-")))
         frames = _opened(paths, options, folder)
         if any(folder.iterdir()):
-            # Copies are read until the frames are gone.
+            # Copies of the files are read until the frames are deleted.
             weakref.finalize(frames, stack.pop_all().close)
     return frames
 

@@ -311,7 +311,7 @@ def _split(error: Callable[[str], ValueError], points: Array, ends: Array) -> li
 
 
 def _pieces(path: Path, *above: Path) -> Iterator[tuple[_Xml, ElementTree.Element]]:
-    """Yields the pieces of a file, and those of the files that it names. Those above name it."""
+    """Yields the pieces of a file and of the files it includes. `above` include it."""
     file = _Xml(path)
     if path.resolve() in above:
         raise file.error("the file names itself, or a file that names it")

@@ -82,7 +82,7 @@ def _chained(parts: list[Frames]) -> Frames:
 
 def _converted(words: list[str], paths: Sequence[Path]) -> Frames:
     """Opens files by ``linkwatch convert``; its archive is on the disk while it is read."""
-    # The archive is mapped to memory, which keeps it until the frames are gone.
+    # The archive is mapped to memory, so it exists until the frames are deleted.
     with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
         archive = Path(folder) / "frames.npz"
         words = [*words, *map(str, paths), str(archive)]
@@ -124,7 +124,7 @@ def _opened(archive: Path, path: Path, invalid: list[dict[str, Any]]) -> Frames:
     positions = _mapped(archive)
     summary = Summary(len(counts), int((counts < 0).sum()))
     cell = others.get("cell")
-    # The place of each frame in the archive; that of the one before for an invalid frame.
+    # The index of each frame in the archive. An invalid frame has the index of the frame before it.
     numbers = others["seq"].tolist() if "seq" in others else list(range(len(positions)))
     rows: list[tuple[int, int, dict[str, Any] | None]] = [
         (seq, k, None) for k, seq in enumerate(numbers)

@@ -57,7 +57,7 @@ def write(
     invalid: list[str] = []
 
     def left_out() -> list[str]:
-        """Returns what was left out so far."""
+        """Returns what was skipped so far."""
         return [*frames.summary.left_out, *invalid] if isinstance(frames, Frames) else invalid
 
     written: list[Path] = []

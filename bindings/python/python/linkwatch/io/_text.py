@@ -263,7 +263,7 @@ def read_poly(path: Path) -> Scene:
     if section != "END":
         raise lines.error("the file ends without a line END")
     if any(0 in polygon for _, polygon, _ in polygons) and 0 not in points:
-        # The documentation counts points from 0, whatever their labels are.
+        # As in the documentation of the format, points then count from 0, whatever their numbers.
         points = dict(enumerate(points.values()))
         scene.notes.append("points are counted from 0, in their order")
     for lines.number, polygon, closed in polygons:

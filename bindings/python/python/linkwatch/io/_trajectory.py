@@ -171,7 +171,7 @@ class PassedOver:
         names = ("bonds/N", "bonds/group")
         if any(file.chunk_exists(frame=frame, name=name) for name in names):
             return not np.array_equal(_bonds(reader, frame), self._bonds)
-        # It has those of the first frame of its file.
+        # A frame without bonds has those of the first frame of its file.
         if id(reader) not in self._begins:
             self._begins[id(reader)] = not np.array_equal(_bonds(reader, 0), self._bonds)
         return self._begins[id(reader)]
@@ -290,7 +290,7 @@ def _cell_of_all_models(reader: Any) -> Array | None:
         found = np.array([float(lines[0][a:b]) for a, b in zip(ends, ends[1:])])
     except ValueError:
         raise ValueError(f"it has no valid cell: {lines[0].strip()}") from None
-    # A cube of one angstrom stands for no cell.
+    # A cube of one angstrom means that there is no cell.
     return None if (found[:3] == 1).all() else found
 
 
@@ -499,7 +499,7 @@ def _is_whole(line: bytes) -> bool:
 
 
 def _has_whole_frames(text: Iterable[bytes]) -> bool:
-    """Returns whether the lines of a Tinker file are those of whole frames."""
+    """Returns true if the lines of a Tinker file form complete frames."""
     lines = [line for line in text if line.strip()]
     # A cell has a line of six numbers after the title.
     cell = len(lines) > 1 and len(lines[1].split()) == 6 and b"." in lines[1].split()[0]

@@ -137,7 +137,7 @@ class _Scene:
                     self._add(prim, (instancer, k, prototype))
 
     def _add(self, prim: Any, copied: tuple[Any, int, Any] | None) -> None:
-        """Adds the curves of a prim, or counts them as left out."""
+        """Adds the curves of a prim, or counts them as skipped."""
         geom, path = self.geom, str(prim.GetPath())
         if not prim.IsA(geom.Curves):
             has = (prim.HasAttribute(name) for name in ("points", "curveVertexCounts"))
