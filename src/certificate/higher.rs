@@ -42,7 +42,7 @@ pub(crate) fn invariant_lines(all: &[HigherInvariants]) -> Vec<String> {
 }
 
 /// Parses a line, and adds its invariants to `to`. `curves` is the number of curves of the
-/// certificate. Returns `None` for a line of another kind, and an error as text for a malformed
+/// certificate. Returns `None` for a line of another kind, and an error text for a malformed
 /// one.
 pub(crate) fn parse_invariant(
     line: &str,
