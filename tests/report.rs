@@ -91,7 +91,7 @@ fn bad_input_is_an_error_with_the_name_of_the_file() {
         assert!(run.stderr.contains(text(path)), "{run:?}");
     }
     assert!(!page.exists());
-    // A picture of the violation, and no page unless it is asked for.
+    // A picture of the violation, but no page, because `-o` is not given.
     let pictures = folder.path().join("pictures");
     let run = linkwatch(&[
         "report",

@@ -1,5 +1,5 @@
-//! `linkwatch watch` as a service: as process 1 of a container, that is, of a pid namespace of its
-//! own. Such a process has no default signal actions, and its pid means nothing elsewhere.
+//! `linkwatch watch` as a service: as process 1 of a container, that is, of a separate pid
+//! namespace. Such a process has no default signal actions, and its pid is not valid outside.
 //!
 //! If namespaces are not permitted, the tests are shown as ignored, never as passed. The recipes of
 //! `examples/service` are checked as far as that works without systemd and Docker.
@@ -19,7 +19,7 @@ use support::time::{PATIENCE, until};
 use support::trial::trial;
 use tempfile::TempDir;
 
-/// Names the service of a simulator that runs in a process of its own.
+/// Environment variable with the service of a simulator that runs in a separate process.
 const SERVICE: &str = "LINKWATCH_TEST_SERVICE";
 
 /// Time without frames after which a watcher checks several times that the simulator exists.

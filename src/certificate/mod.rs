@@ -41,7 +41,7 @@ pub struct Certificate {
     pub(crate) images: Option<Vec<ImageLink>>,
     #[serde(default)]
     pub(crate) periods: Vec<(u32, Image)>,
-    /// Invariants of curves and of triples, if they were asked for.
+    /// Invariants of curves and of triples, if they were requested.
     #[serde(default, rename = "invariants")]
     pub(crate) higher: Vec<HigherInvariants>,
 }

@@ -123,7 +123,7 @@ struct Certified {
     /// Work done on the GPU.
     offload: Offload,
     took: Duration,
-    /// True if a curve lacks an invariant that was asked for.
+    /// True if a curve lacks a requested invariant.
     incomplete: bool,
 }
 

@@ -18,8 +18,8 @@ use rayon::prelude::*;
 /// late.
 const GRAIN: usize = 1 << 19;
 
-/// Ratio of the largest coordinate of a frame to that of the reference frame, mapped to the frame,
-/// up to which the frame is compared.
+/// A frame is compared only if its largest coordinate is at most this many times that of the
+/// reference frame, mapped to the frame.
 const LARGER: f64 = 1.5;
 
 /// Error of the coordinates of periodic images, relative to the size of the scene.

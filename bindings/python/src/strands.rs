@@ -146,7 +146,7 @@ pub fn gauss(
     Ok(found.iter().map(|one| (one.value, one.bound)).unzip())
 }
 
-/// Computes the reduced diagrams of closed curves, and of connected groups if they are asked for.
+/// Computes the reduced diagrams of closed curves, and of connected groups if they are requested.
 /// Returns them, and sentences about curves that have none.
 #[pyfunction]
 pub fn diagram(

@@ -116,7 +116,7 @@ fn measure(frame: &Picked, args: &Args) -> Result<Measured> {
     })
 }
 
-/// Prints the results of a frame: one line for each of several frames, and what was asked for.
+/// Prints the results of a frame: one line for each of several frames, and the requested struts.
 fn print(frame: &Picked, measured: &Measured, args: &Args) {
     let Measured { found, extent, .. } = measured;
     let (name, length) = (&frame.name, found.length);

@@ -42,7 +42,7 @@ pub struct Args {
     frames: FrameArgs,
 }
 
-/// Pairing that was asked for; `None`: auto.
+/// Requested pairing. `None`: found automatically.
 type Choice = Option<Pairing>;
 
 fn pairing(text: &str) -> Result<Choice> {
