@@ -35,9 +35,7 @@ impl Report {
                 i,
                 j,
                 image,
-                found: None,
-                kind: None,
-                invariant: None,
+                ..Lasting::default()
             };
             match finding {
                 Finding::Change(c) => lasting.found = Some(c.found),
