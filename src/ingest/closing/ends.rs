@@ -27,16 +27,18 @@ pub(super) enum Ends {
 }
 
 /// Points of a curve in the positions of a frame.
-pub(super) struct Layout {
+pub(super) struct Layout<'a> {
     basis: Basis,
+    positions: Positions<'a>,
     pub first: usize,
     pub points: usize,
 }
 
-impl Layout {
-    pub fn new(basis: Basis, first: usize, count: i32) -> Layout {
+impl Layout<'_> {
+    pub fn new(basis: Basis, positions: Positions<'_>, first: usize, count: i32) -> Layout<'_> {
         Layout {
             basis,
+            positions,
             first,
             points: count.unsigned_abs() as usize,
         }
@@ -57,18 +59,18 @@ impl Layout {
     }
 
     #[inline(always)]
-    fn point(&self, at: &Positions<'_>, k: usize) -> Point {
-        at.point(self.first + k)
+    fn point(&self, k: usize) -> Point {
+        self.positions.point(self.first + k)
     }
 
     /// Returns the largest distance of a point at the end from the one that it repeats. `None` if
     /// the curve has too few points to be closed.
-    fn gap(&self, at: &Positions<'_>, metric: &Metric) -> Option<f64> {
+    fn gap(&self, metric: &Metric) -> Option<f64> {
         let left = self.points.checked_sub(self.repeated())?;
         if left < 3 || self.basis.segments(left, true).is_none() {
             return None;
         }
-        let gap = |k: usize| metric.distance(self.point(at, k), self.point(at, left + k));
+        let gap = |k: usize| metric.distance(self.point(k), self.point(left + k));
         let gaps = (0..self.repeated()).map(gap);
         // NaN if one of them is.
         gaps.reduce(|a, b| if a >= b || a.is_nan() { a } else { b })
@@ -76,12 +78,12 @@ impl Layout {
 
     /// Returns the largest distance at which points count as equal: `near` median segments, or
     /// rounding; 0 if distances overflow, so that such ends do not meet.
-    fn tolerance(&self, at: &Positions<'_>, metric: &Metric, near: f64) -> f64 {
-        let step = |k: usize| metric.distance(self.point(at, k), self.point(at, k + 1));
+    fn tolerance(&self, metric: &Metric, near: f64) -> f64 {
+        let step = |k: usize| metric.distance(self.point(k), self.point(k + 1));
         let mut steps: Vec<f64> = (0..self.points - 1).map(step).collect();
         let middle = steps.len() / 2;
         let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
-        let within = (near * *median).max(self.rounding(at).min(NEAR_IF_ROUNDED * *median));
+        let within = (near * *median).max(self.rounding().min(NEAR_IF_ROUNDED * *median));
         if within.is_finite() { within } else { 0.0 }
     }
 
@@ -91,24 +93,24 @@ impl Layout {
         let ends = [self.point(at, 0), self.point(at, self.points - 1)];
         let numbers = ends.as_flattened().iter();
         let largest = numbers.fold(0.0, |m: f64, x| m.max(x.abs()));
-        let unit = match at.precision() {
+        let unit = match self.positions.precision() {
             Precision::F32 => f64::from(f32::EPSILON),
             Precision::F64 => f64::EPSILON,
         };
         4.0 * unit * largest
     }
 
-    fn has_three_distinct_points(&self, at: &Positions<'_>) -> bool {
-        are_three_distinct((0..self.points - self.repeated()).map(|k| self.point(at, k)))
+    fn has_three_distinct_points(&self) -> bool {
+        are_three_distinct((0..self.points - self.repeated()).map(|k| self.point(k)))
     }
 
     /// Compares the ends of an open curve.
-    pub fn ends(&self, at: &Positions<'_>, metric: &Metric) -> Ends {
-        let Some(gap) = self.gap(at, metric) else {
+    pub fn ends(&self, metric: &Metric) -> Ends {
+        let Some(gap) = self.gap(metric) else {
             return Ends::Apart;
         };
-        let within = self.tolerance(at, metric, NEAR);
-        if gap <= within && self.has_three_distinct_points(at) {
+        let within = self.tolerance(metric, NEAR);
+        if gap <= within && self.has_three_distinct_points() {
             return Ends::Meet { within };
         }
         if self.repeated() == 1 {
@@ -116,8 +118,8 @@ impl Layout {
         }
         // The control points, and the curve itself, which begins beside the second one.
         let last = self.points - 1;
-        let [first, second, third] = per_axis(|k| self.point(at, k));
-        let [end, before, third_last] = per_axis(|k| self.point(at, last - k));
+        let [first, second, third] = per_axis(|k| self.point(k));
+        let [end, before, third_last] = per_axis(|k| self.point(last - k));
         let [start, stop] = match self.basis {
             Basis::BSpline => [[first, second, third], [third_last, before, end]]
                 .map(|p| per_axis(|x| bspline_knot(p[0][x], p[1][x], p[2][x]))),
@@ -132,14 +134,14 @@ impl Layout {
 
     /// Returns the largest distance at which the last point of a closed polyline repeats the first
     /// one. `None` if it does not. `factor` is that of [`Layout::closing_factor`].
-    pub fn repeats(&self, at: &Positions<'_>, metric: &Metric, factor: f64) -> Option<f64> {
-        let gap = self.gap(at, metric).filter(|_| self.basis.is_polyline())?;
+    pub fn repeats(&self, metric: &Metric, factor: f64) -> Option<f64> {
+        let gap = self.gap(metric).filter(|_| self.basis.is_polyline())?;
         // The median segment is at most as long as the longest one.
-        if factor > 2.0 * NEAR_IF_CLOSED && gap > self.rounding(at) {
+        if factor > 2.0 * NEAR_IF_CLOSED && gap > self.rounding() {
             return None;
         }
-        let within = self.tolerance(at, metric, NEAR_IF_CLOSED);
-        (gap <= within && self.has_three_distinct_points(at)).then_some(within)
+        let within = self.tolerance(metric, NEAR_IF_CLOSED);
+        (gap <= within && self.has_three_distinct_points()).then_some(within)
     }
 
     /// Checks that an open curve, which is closed in all frames, ends where it starts: within a
@@ -148,14 +150,8 @@ impl Layout {
     /// # Errors
     ///
     /// [`Error::EndsApart`]; [`Error::NotFinite`] for a point that would not be copied.
-    pub fn check_ends(
-        &self,
-        curve: usize,
-        at: &Positions<'_>,
-        metric: &Metric,
-        within: f64,
-    ) -> Result<()> {
-        let Some(gap) = self.gap(at, metric) else {
+    pub fn check_ends(&self, curve: usize, metric: &Metric, within: f64) -> Result<()> {
+        let Some(gap) = self.gap(metric) else {
             // The frame has too few points, and is rejected for that.
             return Ok(());
         };
@@ -165,7 +161,7 @@ impl Layout {
         let left = self.points - self.repeated();
         let ends = (0..self.repeated()).chain(left..self.points);
         for (point, axis) in ends.flat_map(|k| [(k, 0), (k, 1), (k, 2)]) {
-            let value = self.point(at, point)[axis];
+            let value = self.point(point)[axis];
             if !value.is_finite() {
                 let axis = ['x', 'y', 'z'][axis];
                 return Err(Error::NotFinite {
@@ -176,7 +172,7 @@ impl Layout {
                 });
             }
         }
-        let within = self.tolerance(at, metric, NEAR);
+        let within = self.tolerance(metric, NEAR);
         match gap <= within {
             true => Ok(()),
             false => Err(Error::EndsApart {
@@ -189,17 +185,16 @@ impl Layout {
 
     /// Returns the length of the closing segment of a closed curve, as a multiple of the longest
     /// other one. For splines, between the control points at which segments begin.
-    pub fn closing_factor(&self, at: &Positions<'_>, metric: &Metric) -> f64 {
+    pub fn closing_factor(&self, metric: &Metric) -> f64 {
         let stride = self.basis.stride();
         let knots = self.points / stride;
         if knots < 3 {
             return 0.0;
         }
-        let segment = |a: usize, b: usize| {
-            metric.difference(self.point(at, a * stride), self.point(at, b * stride))
-        };
+        let segment =
+            |a: usize, b: usize| metric.difference(self.point(a * stride), self.point(b * stride));
         let points = 3 * self.first..3 * (self.first + self.points);
-        let squared = match at.part(points) {
+        let squared = match self.positions.part(points) {
             Positions::F32(v) => metric.longest_square(v, stride),
             Positions::F64(v) => metric.longest_square(v, stride),
         };

@@ -141,9 +141,9 @@ impl Closing {
     pub fn ends_meet(counts: &[i32], positions: Positions<'_>) -> Vec<bool> {
         let (space, mut first) = (Metric::new(None), 0);
         let meet = |&count: &i32| {
-            let layout = Layout::new(Basis::Polyline, first, count);
+            let layout = Layout::new(Basis::Polyline, positions, first, count);
             first += layout.points;
-            matches!(layout.ends(&positions, &space), Ends::Meet { .. })
+            matches!(layout.ends(&space), Ends::Meet { .. })
         };
         counts.iter().map(meet).collect()
     }
@@ -167,10 +167,9 @@ impl Closing {
 
     /// Tells the result of a frame. A first frame that is rejected decides nothing.
     pub fn end_frame(&mut self, verified: bool) {
-        match verified {
-            true => self.accepted = true,
-            false if !self.accepted => self.forget(),
-            false => {}
+        self.accepted |= verified;
+        if !self.accepted {
+            self.forget();
         }
     }
 
@@ -203,7 +202,7 @@ impl Closing {
         let (mut first, mut changed) = (0, false);
         self.kept.clear();
         for (i, (known, count)) in self.known.iter().zip(&mut self.counts).enumerate() {
-            let layout = Layout::new(frame.basis, first, *count);
+            let layout = Layout::new(frame.basis, frame.positions, first, *count);
             first += layout.points;
             let mut points = layout.first..first;
             let joins_within = match (known, *count < 0) {
@@ -219,7 +218,7 @@ impl Closing {
             };
             // A curve of fewer points is rejected later.
             if let Some(within) = joins_within.filter(|_| layout.points > layout.repeated()) {
-                layout.check_ends(i, &frame.positions, &metric, within)?;
+                layout.check_ends(i, &metric, within)?;
                 points = layout.without_repeated();
                 *count = -(points.len() as i32);
                 changed = true;
@@ -281,22 +280,21 @@ impl Closing {
         let mut note = |kind, i, factor| ClosingNote::add(&mut notes, kind, i, factor);
         let mut first = 0;
         for (i, &count) in self.counts.iter().enumerate() {
-            let layout = Layout::new(frame.basis, first, count);
+            let layout = Layout::new(frame.basis, frame.positions, first, count);
             first += layout.points;
             let metric = if source.wrapped { &nearest } else { &plain };
-            let at = &frame.positions;
             let stays_open = self.stay_open.get(i).is_some_and(|&open| open);
             if stays_open && (count > 0 || source.closed_by_default) {
                 self.known.push(Known::Open);
                 continue;
             }
             self.known.push(if count < 0 {
-                let factor = layout.closing_factor(at, &nearest);
+                let factor = layout.closing_factor(&nearest);
                 let is_long = |factor: f64| factor > ClosingNote::FACTOR;
                 // Curves through the cell close up to a lattice vector.
                 let own = match source.wrapped || source.cell.is_none() {
                     true => factor,
-                    false => layout.closing_factor(at, &plain),
+                    false => layout.closing_factor(&plain),
                 };
                 let apart = factor.max(own);
                 if is_long(factor) && source.closed_by_default {
@@ -306,7 +304,7 @@ impl Closing {
                     if is_long(apart) {
                         note(ClosingKind::Long, i, apart);
                     }
-                    match layout.repeats(at, metric, own).filter(|_| !self.keep_open) {
+                    match layout.repeats(metric, own).filter(|_| !self.keep_open) {
                         Some(within) => {
                             note(ClosingKind::Joined, i, 0.0);
                             Known::Repeated(within)
@@ -317,7 +315,7 @@ impl Closing {
             } else if self.keep_open {
                 Known::Open
             } else {
-                match layout.ends(at, metric) {
+                match layout.ends(metric) {
                     Ends::Meet { within } => {
                         note(ClosingKind::Joined, i, 0.0);
                         Known::Joined(within)

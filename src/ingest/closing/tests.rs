@@ -385,10 +385,10 @@ fn a_repeated_point_is_found_whether_the_median_is_needed_or_not() {
         let gap = scale * 10f64.powi(-random.below(17));
         points.push([points[0][0] + gap, points[0][1], points[0][2]]);
         let at = Positions::F64(points.as_flattened());
-        let layout = Layout::new(Basis::Polyline, 0, -(points.len() as i32));
+        let layout = Layout::new(Basis::Polyline, at, 0, -(points.len() as i32));
         let space = Metric::new(None);
-        let factor = layout.closing_factor(&at, &space);
-        let [quick, full] = [factor, 0.0].map(|factor| layout.repeats(&at, &space, factor));
+        let factor = layout.closing_factor(&space);
+        let [quick, full] = [factor, 0.0].map(|factor| layout.repeats(&space, factor));
         assert_eq!(quick, full, "{points:?}");
         found[usize::from(full.is_some())] += 1;
     }
@@ -406,8 +406,9 @@ fn the_closing_segment_is_compared_at_all_scales() {
     ];
     let factor = |scale: f64| {
         let points = square.map(|p| p.map(|x| scale * x));
-        let layout = Layout::new(Basis::Polyline, 0, -4);
-        layout.closing_factor(&Positions::F64(points.as_flattened()), &Metric::new(None))
+        let at = Positions::F64(points.as_flattened());
+        let layout = Layout::new(Basis::Polyline, at, 0, -4);
+        layout.closing_factor(&Metric::new(None))
     };
     for exponent in [-1000, -600, -500, -10, 0, 400, 600, 1000] {
         // The square root and `hypot` are rounded differently.
