@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// Creates a file that does not exist.
 pub(super) fn create_new(path: &Path) -> Result<File> {
-    let created = File::create_new(path).and_then(|file| take(&file).map(|()| file));
+    let created = File::create_new(path).and_then(take);
     created.map_err(Error::file(path))
 }
 
@@ -29,7 +29,7 @@ pub(super) fn create_or_replace(path: &Path) -> Result<File> {
         Err(_) => {
             let mut options = OpenOptions::new();
             let opened = options.write(true).create(true).truncate(false).open(path);
-            opened.and_then(|file| take(&file).and_then(|()| file.set_len(0)).map(|()| file))
+            (opened.and_then(take)).and_then(|file| file.set_len(0).map(|()| file))
         }
     };
     replaced.map_err(Error::file(path))
@@ -38,7 +38,7 @@ pub(super) fn create_or_replace(path: &Path) -> Result<File> {
 /// Fails if another process reads or writes a file, as far as locks tell.
 pub(super) fn check_unused(path: &Path) -> Result<()> {
     match File::open(path) {
-        Ok(file) => take(&file).map_err(Error::file(path)),
+        Ok(file) => take(file).map(drop).map_err(Error::file(path)),
         Err(e) if e.kind() == ErrorKind::NotFound => Ok(()),
         Err(e) => Err(Error::file(path)(e)),
     }
@@ -65,26 +65,21 @@ pub(super) fn is_taken(error: &Error) -> bool {
 /// replaced and the link is kept.
 fn replace(path: &Path) -> io::Result<File> {
     let path = path.canonicalize()?;
-    let old = File::open(&path)?;
-    take(&old)?;
+    let _old = take(File::open(&path)?)?;
     let part = path.with_added_extension(format!("{}.part", std::process::id()));
-    let new = File::create(&part)?;
-    let renamed = take(&new).and_then(|()| std::fs::rename(&part, &path));
-    if let Err(e) = renamed {
-        std::fs::remove_file(&part).ok();
-        return Err(e);
-    }
-    Ok(new)
+    let new = take(File::create(&part)?);
+    let renamed = new.and_then(|new| std::fs::rename(&part, &path).map(|()| new));
+    renamed.inspect_err(|_| drop(std::fs::remove_file(&part)))
 }
 
 /// Locks a file until it is closed. Fails if another process uses it.
-fn take(file: &File) -> io::Result<()> {
+fn take(file: File) -> io::Result<File> {
     if !cfg!(unix) {
-        return Ok(());
+        return Ok(file);
     }
     match file.try_lock() {
         // This file system has no locks.
-        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
         Err(TryLockError::WouldBlock) => {
             let use_ = match file.try_lock_shared() {
                 Ok(()) => "reads it",
