@@ -293,7 +293,7 @@ impl Client {
         let mut announced: Option<Instant> = None;
         loop {
             self.poll_all()?;
-            if self.watcher.has_met() {
+            if self.watcher.silent_for().is_some() {
                 if self.watcher.find_dead(&self.connection.endpoint) {
                     continue;
                 }
@@ -357,13 +357,9 @@ impl Client {
             drop(sample);
             let mut message = wire.read()?;
             // The watcher repeats an abort, also when the names of that frame are forgotten.
-            let repeated = self
-                .aborted
-                .as_ref()
-                .filter(|abort| abort.seq == message.seq);
-            message.names = match repeated {
-                Some(abort) => Arc::clone(&abort.names),
-                None => self.frames.names(message.seq),
+            message.names = match &self.aborted {
+                Some(abort) if abort.seq == message.seq => Arc::clone(&abort.names),
+                _ => self.frames.names(message.seq),
             };
             let (endpoint, session) = (&self.connection.endpoint, self.frames.session);
             if !(self.watcher).record_sender(endpoint, session, &message, port, node) {
@@ -429,7 +425,7 @@ impl Client {
     ///
     /// Call this before [`Client::loan`]. The cut is not lost if the watcher skips the next frame.
     pub fn cut(&mut self) {
-        self.frames.cut();
+        self.frames.cuts = self.frames.cuts.wrapping_add(1);
     }
 
     /// Waits for the verdict on frame `seq`, at most for `deadline`. Verdicts on earlier frames are

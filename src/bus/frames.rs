@@ -87,7 +87,7 @@ pub(super) struct Frames {
     /// Number of the frame that is the baseline; `None` if the next one is.
     pub baseline: Option<u64>,
     /// Number of cuts so far. Frames with different numbers do not belong to one motion.
-    cuts: u32,
+    pub cuts: u32,
 }
 
 /// Description of the curves, which all frames have in common until the next description.
@@ -118,11 +118,6 @@ impl Frames {
         if let Some(publishers) = &self.publishers {
             publishers.connect();
         }
-    }
-
-    /// Marks the next frame as not continuing the previous one.
-    pub fn cut(&mut self) {
-        self.cuts = self.cuts.wrapping_add(1);
     }
 
     /// Forgets the names of the curves of frames before this one.

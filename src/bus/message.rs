@@ -293,13 +293,9 @@ impl VerdictWire {
         let changed = report.invariants.first();
         let changed = changed.filter(|_| is_new != Some(true));
         let changed = changed.map(|change| change.sentence_named(&[]));
-        let reasons = report.rejected.iter().chain(&changed);
-        match reasons
-            .chain(&report.missing)
-            .chain(&curves)
-            .chain(&close)
-            .next()
-        {
+        let missing = report.missing.first().cloned();
+        let reasons = [&report.rejected, &changed, &missing, &curves, &close];
+        match reasons.into_iter().flatten().next() {
             Some(reason) => wire.with_reason(reason),
             None => wire,
         }

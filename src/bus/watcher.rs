@@ -67,11 +67,6 @@ impl Watcher {
         }
     }
 
-    /// Returns true if the watcher is here and sent a message about this session.
-    pub fn has_met(&self) -> bool {
-        matches!(self.state, State::Here { met: true, .. })
-    }
-
     /// Returns the reason why the watcher left, if it did.
     pub fn departure(&self) -> Option<&Departure> {
         match &self.state {
