@@ -50,10 +50,7 @@ pub struct ModelFrame {
     /// The curves, or the reason why this frame is invalid although later ones can be read.
     pub curves: Result<CurveSet>,
     /// True if frames before it are not in the file, so that the step to it is unknown.
-    #[cfg_attr(
-        not(feature = "cli"),
-        allow(dead_code, reason = "recordings have gaps")
-    )]
+    #[cfg(feature = "cli")]
     pub(crate) after_gap: bool,
 }
 
@@ -68,6 +65,7 @@ impl ModelFrame {
         ModelFrame {
             info,
             curves,
+            #[cfg(feature = "cli")]
             after_gap: false,
         }
     }

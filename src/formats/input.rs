@@ -2,19 +2,19 @@
 
 use crate::error::{Error, Result};
 use std::fs::File;
-use std::io::{BufRead, BufReader, ErrorKind, Read, Take};
+use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
 /// Bytes of a file that is to be read.
-pub(super) struct Input<R> {
-    pub bytes: R,
+pub(super) struct Input<'a> {
+    pub bytes: Box<dyn BufRead + 'a>,
     pub len: u64,
     /// Name of the file, for the log.
     pub name: String,
 }
 
-/// Opens a regular file for reading.
-pub(super) fn open_file(path: &Path) -> Result<Input<File>> {
+/// Opens a regular file for reading. Returns its length, too.
+pub(super) fn open_file(path: &Path) -> Result<(File, u64)> {
     // Read before opening the file, because opening a pipe would wait for its writer.
     let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
     if !metadata.is_file() {
@@ -22,18 +22,16 @@ pub(super) fn open_file(path: &Path) -> Result<Input<File>> {
         let source = std::io::Error::new(ErrorKind::InvalidInput, why);
         return Err(Error::file(path)(source));
     }
-    Ok(Input {
-        bytes: File::open(path).map_err(Error::file(path))?,
-        len: metadata.len(),
-        name: path.display().to_string(),
-    })
+    let file = File::open(path).map_err(Error::file(path))?;
+    Ok((file, metadata.len()))
 }
 
 /// Opens a regular file for reading. The reader is limited to its length, so that checks against it
 /// stay valid if the file grows meanwhile.
-pub(super) fn open(path: &Path) -> Result<Input<BufReader<Take<File>>>> {
-    let Input { bytes, len, name } = open_file(path)?;
-    let bytes = BufReader::with_capacity(1 << 16, bytes.take(len));
+pub(super) fn open(path: &Path) -> Result<Input<'static>> {
+    let (file, len) = open_file(path)?;
+    let bytes = Box::new(BufReader::with_capacity(1 << 16, file.take(len)));
+    let name = path.display().to_string();
     Ok(Input { bytes, len, name })
 }
 
@@ -50,7 +48,7 @@ pub(super) fn is_utf16(start: &[u8]) -> bool {
 /// # Errors
 ///
 /// The text is not in UTF-8.
-pub(super) fn open_text(path: &Path) -> Result<Input<BufReader<Take<File>>>> {
+pub(super) fn open_text(path: &Path) -> Result<Input<'static>> {
     let mut input = open(path)?;
     let start = input.bytes.fill_buf()?;
     if is_utf16(start) {

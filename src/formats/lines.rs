@@ -10,11 +10,11 @@ use std::str::FromStr;
 const MAX_LINE: u64 = 1 << 16;
 
 /// Reader of lines. It never reads more than the length of the file at its opening.
-pub(super) struct Lines<R> {
+pub(super) struct Lines<'a> {
     format: &'static str,
     /// Name of the file, for the log.
     pub name: String,
-    input: R,
+    input: Box<dyn BufRead + 'a>,
     /// The line, without the line break.
     pub line: Vec<u8>,
     /// Number of the line, from 1.
@@ -25,13 +25,13 @@ pub(super) struct Lines<R> {
     longest: u64,
 }
 
-impl<R: BufRead> Lines<R> {
+impl<'a> Lines<'a> {
     /// Starts before the first line of a file.
     ///
     /// # Errors
     ///
     /// The file is compressed.
-    pub fn new(format: &'static str, mut input: Input<R>) -> Result<Self> {
+    pub fn new(format: &'static str, mut input: Input<'a>) -> Result<Self> {
         let magic: [(&[u8], &str); 3] = [
             (b"\x1f\x8b", "gunzip"),
             (b"\x28\xb5\x2f\xfd", "unzstd"),

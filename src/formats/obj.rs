@@ -32,7 +32,6 @@ use super::{Input, is_in, number, quote};
 use crate::curve::{Basis, CurveSet, Point, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::verdict::LeftOut;
-use std::io::BufRead;
 use std::ops::Range;
 use std::path::Path;
 
@@ -142,7 +141,7 @@ struct Statements {
 }
 
 /// Reads a file to its end.
-pub(super) fn read(input: Input<impl BufRead>) -> Result<Source<'static>> {
+pub(super) fn read(input: Input<'_>) -> Result<Source<'static>> {
     let (curves, left_out) = curves_in(input)?;
     let mut frame = ModelFrame::new(0, Ok(curves));
     frame.info.left_out = left_out;
@@ -150,7 +149,7 @@ pub(super) fn read(input: Input<impl BufRead>) -> Result<Source<'static>> {
 }
 
 /// Reads the curves of a file, and what is left out.
-fn curves_in(input: Input<impl BufRead>) -> Result<(CurveSet, Vec<LeftOut>)> {
+fn curves_in(input: Input<'_>) -> Result<(CurveSet, Vec<LeftOut>)> {
     let mut lines = Lines::new(FORMAT, input)?.with_long_lines();
     let mut found = Statements::default();
     while let Some(line) = next_statement(&mut lines)? {
@@ -186,7 +185,7 @@ fn numbers(tokens: &[&[u8]]) -> Result<Vec<f64>, String> {
 
 /// Steps to the next statement: its comment is removed, and lines that continue it are joined.
 /// Returns its first line, from 1, or `None` at the end.
-fn next_statement(lines: &mut Lines<impl BufRead>) -> Result<Option<u64>> {
+fn next_statement(lines: &mut Lines<'_>) -> Result<Option<u64>> {
     if !lines.advance()? {
         return Ok(None);
     }
@@ -419,10 +418,8 @@ pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
         return Err(Error::unsupported(FORMAT, what));
     }
     create(path, |out| {
-        for i in 0..set.len() {
-            for [x, y, z] in set.points_in(i) {
-                writeln!(out, "v {x:?} {y:?} {z:?}")?;
-            }
+        for [x, y, z] in (0..set.len()).flat_map(|i| set.points_in(i)) {
+            writeln!(out, "v {x:?} {y:?} {z:?}")?;
         }
         let mut first = 1;
         for curve in set.curves() {

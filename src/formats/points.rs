@@ -68,10 +68,7 @@ const COORDINATES: &str = "phi r rho theta x y z";
 const MISSING: &str = "inf infinity n/a na nan nil none null";
 
 /// Starts before the first frame of a file.
-pub(super) fn read<'a>(
-    input: Input<impl BufRead + 'a>,
-    options: &ReadOptions,
-) -> Result<Source<'a>> {
+pub(super) fn read<'a>(input: Input<'a>, options: &ReadOptions) -> Result<Source<'a>> {
     Ok(Box::new(Points {
         lines: Lines::new(FORMAT, input)?,
         options: options.clone(),
@@ -354,11 +351,10 @@ impl Curves {
             self.begins = true;
             self.group = group;
         }
-        let begins = std::mem::replace(&mut self.begins, false);
-        if begins {
+        if std::mem::take(&mut self.begins) {
             self.sizes.push(0);
         }
-        self.check_numbers(numbers, begins, point)?;
+        self.check_numbers(numbers, point)?;
         *self.sizes.last_mut().expect("a curve was begun") += 1;
         self.points.push(point);
         Ok(())
@@ -370,17 +366,13 @@ impl Curves {
     /// # Errors
     ///
     /// A column numbers curves, or begins again for each of them.
-    fn check_numbers(
-        &mut self,
-        numbers: Vec<Vec<u8>>,
-        begins: bool,
-        point: Point,
-    ) -> Result<(), String> {
+    fn check_numbers(&mut self, numbers: Vec<Vec<u8>>, point: Point) -> Result<(), String> {
         let [first, last] = &mut self.numbers;
-        if begins {
+        let size = self.sizes.last().copied().unwrap_or(0);
+        if size == 0 {
             first.clone_from(&numbers);
         } else if !numbers.is_empty() {
-            let start = self.points.len() - self.sizes.last().copied().unwrap_or(0);
+            let start = self.points.len() - size;
             // The first point may be repeated at the end.
             let is_first = self.points.get(start) == Some(&point);
             let mut all = numbers.iter().zip(first.iter().zip(&*last));
@@ -447,8 +439,8 @@ impl Curves {
 }
 
 /// Reader of the frames.
-struct Points<R> {
-    lines: Lines<R>,
+struct Points<'a> {
+    lines: Lines<'a>,
     options: ReadOptions,
     columns: Columns,
     /// Number of points of the next frame, if it was read.
@@ -459,7 +451,7 @@ struct Points<R> {
     decided: bool,
 }
 
-impl<R: BufRead> Points<R> {
+impl Points<'_> {
     /// Reads the points of a frame, up to the count of the next one. `None` at the end of the file.
     fn curves(&mut self) -> Result<Option<Curves>> {
         let mut curves = Curves::default();
@@ -519,7 +511,7 @@ impl<R: BufRead> Points<R> {
     }
 }
 
-impl<R: BufRead> FrameSource for Points<R> {
+impl FrameSource for Points<'_> {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
         let Some(mut curves) = self.curves()? else {
             return Ok(None);
@@ -535,12 +527,11 @@ impl<R: BufRead> FrameSource for Points<R> {
         self.frames += 1;
         // Lines without points may divide the points of a name.
         let named = self.options.counts.is_none() && curves.names.len() == curves.sizes.len();
-        let names = std::mem::take(&mut curves.names)
-            .into_iter()
-            .filter(|_| named);
+        let names = named.then(|| std::mem::take(&mut curves.names));
         let set = curves.finish(&self.options, !self.decided);
         self.decided |= set.is_ok();
-        let info = FrameInfo::at(seq, 0.0).with_labels(0, CurveLabels::named(names));
+        let info =
+            FrameInfo::at(seq, 0.0).with_labels(0, CurveLabels::named(names.unwrap_or_default()));
         Ok(Some(ModelFrame::of(info, set)))
     }
 }

@@ -22,9 +22,10 @@ pub(super) fn assert_error_contains(result: Result<CurveSet>, expected: &str) {
     assert!(message.contains(expected), "{message:?} lacks {expected:?}");
 }
 
-impl<'a> From<&'a [u8]> for Input<&'a [u8]> {
+impl<'a> From<&'a [u8]> for Input<'a> {
     fn from(bytes: &'a [u8]) -> Self {
         let (len, name) = (bytes.len() as u64, "memory".into());
+        let bytes = Box::new(bytes);
         Input { bytes, len, name }
     }
 }
@@ -35,12 +36,8 @@ pub(super) fn frames_of(mut source: Source<'_>) -> Result<Vec<ModelFrame>> {
 }
 
 /// Returns bytes in which a reader may go to any place.
-pub(super) fn seekable(bytes: &[u8]) -> Input<Cursor<&[u8]>> {
-    Input {
-        bytes: Cursor::new(bytes),
-        len: bytes.len() as u64,
-        name: "memory".into(),
-    }
+pub(super) fn seekable(bytes: &[u8]) -> (Cursor<&[u8]>, u64) {
+    (Cursor::new(bytes), bytes.len() as u64)
 }
 
 /// Reads the frames of a file in memory, up to the first one that is invalid.

@@ -11,7 +11,6 @@ use super::{Input, number, quote};
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::error::{Error, Result};
 use std::fmt::{Arguments, Display};
-use std::io::BufRead;
 use std::ops::Range;
 use std::path::Path;
 use std::str::FromStr;
@@ -19,7 +18,7 @@ use std::str::FromStr;
 const FORMAT: &str = "VECT";
 
 /// Reads a file.
-pub(super) fn read(input: Input<impl BufRead>) -> Result<CurveSet> {
+pub(super) fn read(input: Input<'_>) -> Result<CurveSet> {
     let mut words = Words {
         lines: Lines::new(FORMAT, input)?.with_long_lines(),
         word: 0..0,
@@ -96,23 +95,21 @@ pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
         for _ in 0..set.len() {
             writeln!(out, "0")?;
         }
-        for i in 0..set.len() {
-            for [x, y, z] in set.points_in(i) {
-                writeln!(out, "{x:?} {y:?} {z:?}")?;
-            }
+        for [x, y, z] in (0..set.len()).flat_map(|i| set.points_in(i)) {
+            writeln!(out, "{x:?} {y:?} {z:?}")?;
         }
         Ok(())
     })
 }
 
 /// Words of a file, one at a time.
-struct Words<R> {
-    lines: Lines<R>,
+struct Words<'a> {
+    lines: Lines<'a>,
     /// Word in the current line.
     word: Range<usize>,
 }
 
-impl<R: BufRead> Words<R> {
+impl Words<'_> {
     fn word(&self) -> &[u8] {
         &self.lines.line[self.word.clone()]
     }

@@ -187,7 +187,7 @@ pub(crate) struct Container<R> {
 impl Container<BufReader<File>> {
     /// Opens a file. A file that is still being written is read up to its current end.
     pub fn open(path: &Path) -> Result<Self> {
-        Container::new(BufReader::new(open_file(path)?.bytes))
+        Container::new(BufReader::new(open_file(path)?.0))
     }
 
     /// Returns the file.

@@ -15,7 +15,6 @@ use crate::error::{Error, Result};
 use crate::formats::lines::{Lines, integer, words, words_between};
 use crate::formats::{number, quote};
 use crate::verdict::LeftOut;
-use std::io::BufRead;
 
 pub(super) const FORMAT: &str = "LAMMPS data file";
 /// Shortest line of an atom, `1 1 0 0 0`, and of a bond, `1 1 1 2`, with the line break.
@@ -73,7 +72,7 @@ pub(super) fn begins(text: &[u8]) -> bool {
 }
 
 /// Reads a file to its end.
-pub(super) fn read(mut lines: Lines<impl BufRead>, wanted: Wanted) -> Result<Data> {
+pub(super) fn read(mut lines: Lines<'_>, wanted: Wanted) -> Result<Data> {
     lines.expect("a data file of LAMMPS")?;
     let mut header = Header {
         periodic: boundary(&lines.line),
@@ -200,7 +199,7 @@ impl Header {
 }
 
 /// Skips a section.
-fn skip(lines: &mut Lines<impl BufRead>) -> Result<()> {
+fn skip(lines: &mut Lines<'_>) -> Result<()> {
     let mut inside = false;
     while lines.advance()? {
         let empty = without_comment(&lines.line).trim_ascii().is_empty();
@@ -215,7 +214,7 @@ fn skip(lines: &mut Lines<impl BufRead>) -> Result<()> {
 /// Reads the `count` lines of a section, which have at least `bytes` bytes. Empty lines may precede
 /// the first one.
 fn read_section<T>(
-    lines: &mut Lines<impl BufRead>,
+    lines: &mut Lines<'_>,
     count: u64,
     bytes: u64,
     what: &str,
@@ -334,7 +333,7 @@ impl Columns {
     }
 }
 
-fn atoms(lines: &mut Lines<impl BufRead>, header: &Header, data: &mut Data) -> Result<()> {
+fn atoms(lines: &mut Lines<'_>, header: &Header, data: &mut Data) -> Result<()> {
     let comment = lines.line.split(|&b| b == b'#').nth(1);
     let style = comment.map(|c| String::from_utf8_lossy(c).trim().to_owned());
     let style = style.as_deref().filter(|style| !style.is_empty());

@@ -11,7 +11,6 @@ use crate::formats::frames::{FrameSource, ModelFrame};
 use crate::formats::lines::{Lines, integer, words};
 use crate::formats::{number, quote};
 use crate::ingest::FrameInfo;
-use std::io::BufRead;
 
 pub(super) const FORMAT: &str = "LAMMPS dump";
 /// Shortest line of an atom, `1 0 0 0`, with the line break.
@@ -19,7 +18,7 @@ const ATOM_BYTES: u64 = 8;
 
 /// Chains of the first frame: the atoms of each molecule (column `mol`) in the order of their ids.
 /// `None` if there is no such column, or no frame.
-pub(super) fn chains(mut lines: Lines<impl BufRead>, closed: bool) -> Result<Option<Curves>> {
+pub(super) fn chains(mut lines: Lines<'_>, closed: bool) -> Result<Option<Curves>> {
     let Some((head, columns)) = header(&mut lines)? else {
         return Ok(None);
     };
@@ -46,8 +45,8 @@ fn member(line: &[u8], mol: usize, id: usize) -> Result<(i64, u64), String> {
 }
 
 /// Reader of a dump.
-pub(super) struct Dump<R> {
-    pub lines: Lines<R>,
+pub(super) struct Dump<'a> {
+    pub lines: Lines<'a>,
     pub curves: Curves,
     /// True if torn curves are not refused.
     pub wrapped: bool,
@@ -79,7 +78,7 @@ impl Header {
 }
 
 /// Reads up to the atoms of a frame. `None` at the end of the file.
-fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> {
+fn header(lines: &mut Lines<'_>) -> Result<Option<(Header, Columns)>> {
     if !lines.advance_to_text()? {
         return Ok(None);
     }
@@ -104,7 +103,7 @@ fn header(lines: &mut Lines<impl BufRead>) -> Result<Option<(Header, Columns)>> 
     }
 }
 
-impl<R: BufRead> FrameSource for Dump<R> {
+impl FrameSource for Dump<'_> {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
         let lines = &mut self.lines;
         let Some((header, columns)) = header(lines)? else {
@@ -177,7 +176,7 @@ fn boundaries(kind: &[u8]) -> Result<(Form, [bool; 3]), String> {
 }
 
 /// Reads the three lines of a box of a kind.
-fn bounds(lines: &mut Lines<impl BufRead>, kind: &[u8]) -> Result<SimulationBox> {
+fn bounds(lines: &mut Lines<'_>, kind: &[u8]) -> Result<SimulationBox> {
     let (form, periodic) = boundaries(kind).map_err(|what| lines.bad(what))?;
     let (mut bounds, mut tilt, mut edges) = ([[0.0; 3]; 2], [0.0; 3], [[0.0; 3]; 3]);
     for x in 0..3 {

@@ -37,17 +37,13 @@ use crate::error::{Error, Result};
 use crate::verdict::LeftOut;
 use crate::words::plural;
 use std::ffi::OsStr;
-use std::io::BufRead;
 use std::path::{Path, PathBuf};
 
 /// Extensions of data files.
 const DATA: [&str; 3] = ["data", "lmp", "lammps"];
 
 /// Reads the curves of a data file. Torn curves are refused, unless the caller unwraps them.
-pub(super) fn read_data(
-    input: Input<impl BufRead>,
-    options: &ReadOptions,
-) -> Result<Source<'static>> {
+pub(super) fn read_data(input: Input<'_>, options: &ReadOptions) -> Result<Source<'static>> {
     let name = input.name.clone();
     let data = data::read(Lines::new(data::FORMAT, input)?, Wanted::Everything)?;
     let mut curves = Curves::of_bonds(data.bonds, data::FORMAT)?;

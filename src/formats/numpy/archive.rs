@@ -1,7 +1,7 @@
 //! The zip archive of an `.npz` file: stored and deflated members, with 64-bit sizes.
 
 use super::FORMAT;
-use super::array::{Array, fill};
+use super::array::fill;
 use crate::error::{Error, Result};
 use crate::formats::{is_in, quote};
 use flate2::bufread::DeflateDecoder;
@@ -128,13 +128,6 @@ impl<R: ReaderAt> Archive<R> {
     pub fn others(&self, names: &[&str]) -> impl Iterator<Item = &Member> {
         let is_other = |m: &&Member| !names.iter().any(|list| is_in(list, &m.name));
         self.members.iter().filter(is_other)
-    }
-
-    /// Reads the header of a member. The inner error is that of a member that is no array, or of a
-    /// kind that is not read.
-    pub fn header(&self, member: &Member) -> Result<Result<Array>> {
-        let mut content = self.content(member)?;
-        Ok(Array::parse(&mut content, member.size(), &member.name))
     }
 
     /// Returns a reader of a member, which compares the checksum at the end.

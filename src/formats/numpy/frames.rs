@@ -184,21 +184,20 @@ impl<R: Read> FrameSource for ArrayFrames<R> {
         let curves = self.curves()?;
         self.next += 1;
         let k = frame as usize;
-        let Others {
-            times, seq, cuts, ..
-        } = &self.others;
-        let seq = seq.as_ref().map_or(frame, |seq| seq[k]);
-        let cell = self.others.cells.as_ref().map(|cells| match cells {
+        let others = &self.others;
+        let seq = others.seq.as_ref().map_or(frame, |seq| seq[k]);
+        let time = others.times.as_ref().map_or(0.0, |times| times[k]);
+        let cell = others.cells.as_ref().map(|cells| match cells {
             Cells::One(cell) => *cell,
             Cells::Each(cells) => cells[k],
         });
         let info = FrameInfo {
             cell,
-            cuts: cuts.as_ref().map_or(0, |cuts| cuts[k]),
-            labels: Arc::clone(&self.others.labels),
-            left_out: self.others.left_out.clone(),
+            cuts: others.cuts.as_ref().map_or(0, |cuts| cuts[k]),
+            labels: Arc::clone(&others.labels),
+            left_out: others.left_out.clone(),
             closed_by_default: self.layout.closed_by_default,
-            ..FrameInfo::at(seq, times.as_ref().map_or(0.0, |times| times[k]))
+            ..FrameInfo::at(seq, time)
         };
         let frame = ModelFrame::of(info, curves);
         Ok(Some(frame.check_torn(&self.options, FORMAT)))

@@ -46,7 +46,8 @@ pub(super) fn left_out(archive: &Archive<impl ReaderAt>, has_cell: bool) -> Resu
     for member in archive.others(&[READ, VECTORS]) {
         let name = &member.name;
         let lower = name.to_ascii_lowercase();
-        let array = archive.header(member)?;
+        // An error if it is no array, or of a kind that is not read.
+        let array = Array::parse(&mut archive.content(member)?, member.size(), name);
         if is_in(CELLS, &lower) {
             if !has_cell && array.is_ok_and(|array| may_be_cell(&lower, &array)) {
                 let kind = [

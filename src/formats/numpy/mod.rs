@@ -57,7 +57,6 @@ use crate::curve::{Basis, Cell, CurveLabels};
 use crate::error::{Error, Result};
 use crate::verdict::LeftOut;
 use rawzip::{FileReader, ReaderAt};
-use std::io::BufRead;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -66,10 +65,7 @@ const FORMAT: &str = "NumPy file";
 const FREE_FRAME: u64 = 64 << 20;
 
 /// Reads the header of an `.npy` file.
-pub(super) fn read_npy<'a>(
-    mut input: Input<impl BufRead + 'a>,
-    options: &ReadOptions,
-) -> Result<Source<'a>> {
+pub(super) fn read_npy<'a>(mut input: Input<'a>, options: &ReadOptions) -> Result<Source<'a>> {
     let positions = Array::parse(&mut input.bytes, input.len, "positions")?;
     let others = Others::default();
     let frames = ArrayFrames::new(input.bytes, positions, others, options, u64::MAX)?;
@@ -78,17 +74,16 @@ pub(super) fn read_npy<'a>(
 
 /// Opens an `.npz` file.
 pub(super) fn open_npz(path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
-    let Input { bytes, len, name } = open_file(path)?;
-    let bytes = FileReader::from(bytes);
-    read_npz(Input { bytes, len, name }, options)
+    let (file, len) = open_file(path)?;
+    read_npz((FileReader::from(file), len), options)
 }
 
-/// Reads the arrays of an `.npz` file, up to the positions of the first frame.
+/// Reads the arrays of an `.npz` file of this length, up to the positions of the first frame.
 pub(super) fn read_npz<'a>(
-    input: Input<impl ReaderAt + 'a>,
+    (file, len): (impl ReaderAt + 'a, u64),
     options: &ReadOptions,
 ) -> Result<Source<'a>> {
-    let archive = archive::Archive::open(input.bytes, input.len)?;
+    let archive = archive::Archive::open(file, len)?;
     let mut others = labels::read(&archive)?;
     others.left_out = labels::left_out(&archive, options.has_cell)?;
     let Some(member) = archive.find("positions") else {

@@ -6,7 +6,6 @@ use crate::curve::{CurveSet, Point, count_of};
 use crate::error::{Error, Result};
 use crate::formats::lines::{integer, words};
 use crate::formats::{divided, number};
-use std::io::BufRead;
 
 struct Atom {
     at: Point,
@@ -16,7 +15,7 @@ struct Atom {
     closed: bool,
 }
 
-impl<R: BufRead> XyzFrames<R> {
+impl XyzFrames<'_> {
     /// Reads the atoms of a frame: the curves, and their numbers if a column has them. The inner
     /// result is that of this frame alone.
     ///

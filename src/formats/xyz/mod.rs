@@ -38,7 +38,6 @@ use crate::error::{Error, Result};
 use crate::ingest::FrameInfo;
 use crate::verdict::LeftOut;
 use std::collections::HashMap;
-use std::io::BufRead;
 
 const FORMAT: &str = "extended XYZ";
 
@@ -55,10 +54,7 @@ pub(super) fn begins(text: &[u8]) -> bool {
 }
 
 /// Starts before the first frame of a file.
-pub(super) fn read<'a>(
-    input: Input<impl BufRead + 'a>,
-    options: &ReadOptions,
-) -> Result<Source<'a>> {
+pub(super) fn read<'a>(input: Input<'a>, options: &ReadOptions) -> Result<Source<'a>> {
     if options.closed.is_some() {
         let what = "`closed`, which extended XYZ does not have: a column closed:L:1 has it";
         return Err(Error::unsupported("option", what));
@@ -73,8 +69,8 @@ pub(super) fn read<'a>(
 }
 
 /// Reader of the frames.
-struct XyzFrames<R> {
-    lines: Lines<R>,
+struct XyzFrames<'a> {
+    lines: Lines<'a>,
     options: ReadOptions,
     /// Number of frames before the next one.
     frames: u64,
@@ -84,7 +80,7 @@ struct XyzFrames<R> {
     known: HashMap<i64, usize>,
 }
 
-impl<R: BufRead> XyzFrames<R> {
+impl XyzFrames<'_> {
     /// Returns the number of the next frame.
     fn number(&mut self, step: Option<u64>) -> Result<u64, String> {
         let first = self.frames == 0;
@@ -102,7 +98,7 @@ impl<R: BufRead> XyzFrames<R> {
     }
 }
 
-impl<R: BufRead> FrameSource for XyzFrames<R> {
+impl FrameSource for XyzFrames<'_> {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
         if !self.lines.advance_to_text()? {
             return Ok(None);
