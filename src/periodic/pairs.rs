@@ -90,10 +90,6 @@ impl Searched<'_> {
     fn is_closed(&self, i: u32) -> bool {
         self.curves[i as usize].closed
     }
-
-    fn is_used(&self, i: usize) -> bool {
-        self.open_too || self.curves[i].closed || self.periods[i].is_some()
-    }
 }
 
 /// The curves of a frame, and the images of them that may meet a curve.
@@ -294,7 +290,8 @@ impl<'a> PairCollector<'a> {
         let (mut links, limit) = (LinkSearch::default(), PairLimit::default());
         limit.begin(MOST_PAIRS.max(IMAGES as usize * boxes.0.len()));
         links.limit = limit.clone();
-        let is_used = |i: usize| searched.is_used(i);
+        let is_yarn = |i: usize| searched.periods[i].is_some();
+        let is_used = |i: usize| searched.open_too || searched.curves[i].closed || is_yarn(i);
         let found = overlapping(&boxes.0, cell, is_used, &mut links).map_err(too_far)?;
         if limit.is_exceeded() {
             return Err(too_far(boxes.widest(cell)));

@@ -118,7 +118,8 @@ impl BraidScene {
     /// will have valid ones.
     pub fn forget_broken(&self, comparison: &mut Comparison) {
         if self.is_broken {
-            let own = |i: u32, j: Option<u32>| self.is_own(i) && j.is_none_or(|j| self.is_own(j));
+            let is_own = |i: u32| self.pairs().is_own(i);
+            let own = |i: u32, j: Option<u32>| is_own(i) && j.is_none_or(is_own);
             comparison.changes.retain(|c| own(c.i, Some(c.j)));
             comparison.defects.retain(|d| own(d.i, d.j));
             comparison.adopted.clear();

@@ -152,7 +152,8 @@ impl CellScene {
         }
         let known = self.found.as_ref();
         if known.is_some_and(|found| found.of != given.shape()) {
-            self.forget_images();
+            // They are searched for again.
+            (self.found, self.quiet) = (None, None);
         }
         let boxer = Boxer::new(given, cell)?;
         let bend = self.before.as_ref();

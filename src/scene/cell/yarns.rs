@@ -139,13 +139,9 @@ impl Yarns {
             let settled = known[k].1.is_ok() && unsettled.is_some_and(|u| !u.contains(pair));
             settled.then_some(known[k])
         };
-        let computed: Vec<RingAndYarn> = match check {
-            true => self.pairs.clone(),
-            false => {
-                let pairs = self.pairs.iter().copied();
-                pairs.filter(|pair| kept(pair).is_none()).collect()
-            }
-        };
+        let pairs = self.pairs.iter().copied();
+        let computed = pairs.filter(|pair| check || kept(pair).is_none());
+        let computed: Vec<RingAndYarn> = computed.collect();
         let mut numbers = linking_numbers(frame, cell, &self.periods(), &computed)?;
         let differ = |n: &Number| kept(&n.0).is_some_and(|known| known.1.ok() != n.1.ok());
         let disagreed = numbers.iter().any(differ);
