@@ -87,15 +87,13 @@ impl FromStr for Motion {
 
     fn from_str(text: &str) -> Result<Motion> {
         let kind = |word: &str| {
-            let found = MotionKind::ALL.into_iter().find(|k| k.word() == word);
-            found.ok_or_else(|| {
+            word.parse().map_err(|_| {
                 let hint = hint(word, &MotionKind::ALL.map(MotionKind::word));
                 let word = clip(word);
                 Error::Usage(format!("unknown motion '{word}' {hint}"))
             })
         };
-        let kinds: Result<Vec<_>> = text.split('+').map(kind).collect();
-        Ok(Motion(kinds?))
+        text.split('+').map(kind).collect::<Result<_>>().map(Motion)
     }
 }
 
