@@ -126,10 +126,6 @@ impl BraidScene {
         }
     }
 
-    fn is_own(&self, i: u32) -> bool {
-        self.pairs().is_own(i)
-    }
-
     /// Replaces loops in the findings of a frame by their first curves, and adds to the report
     /// which other curve belongs to each loop.
     pub fn name(&self, report: &mut Report) {

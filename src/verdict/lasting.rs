@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 /// or a defect.
 ///
 /// Pairs of a curve and different images of another curve are different pairs.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Lasting {
     /// First curve.
     pub i: u32,

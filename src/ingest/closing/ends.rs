@@ -89,8 +89,8 @@ impl Layout<'_> {
 
     /// Returns the largest distance of two ends that can be caused by rounding, whatever the
     /// lengths of the segments.
-    fn rounding(&self, at: &Positions<'_>) -> f64 {
-        let ends = [self.point(at, 0), self.point(at, self.points - 1)];
+    fn rounding(&self) -> f64 {
+        let ends = [self.point(0), self.point(self.points - 1)];
         let numbers = ends.as_flattened().iter();
         let largest = numbers.fold(0.0, |m: f64, x| m.max(x.abs()));
         let unit = match self.positions.precision() {

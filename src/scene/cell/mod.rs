@@ -105,12 +105,6 @@ impl CellScene {
         self.yarns.cut();
     }
 
-    /// Forgets the images, so that they are searched for again.
-    fn forget_images(&mut self) {
-        self.found = None;
-        self.quiet = None;
-    }
-
     /// Returns the names of two curves of the verified set.
     pub fn pair(&self, a: u32, b: u32) -> ImagePair {
         let found = self.found.as_ref();
