@@ -269,7 +269,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
         if args.open {
             let (tolerance, least) = (args.tolerance, args.at_least);
-            return open::print(&frame, (tolerance, least), !is_alone, json);
+            return open::print(&frame, tolerance, least, !is_alone, json);
         }
         let certified = certify(&frame, args)?;
         if !frame.several {

@@ -14,7 +14,8 @@ use std::time::Instant;
 /// A line with the name of the frame comes first if it is `titled`.
 pub fn print(
     frame: &Picked,
-    (tolerance, least): (f64, f64),
+    tolerance: f64,
+    least: f64,
     titled: bool,
     as_json: bool,
 ) -> Result<Outcome> {

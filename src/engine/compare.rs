@@ -26,10 +26,11 @@ impl Engine {
     pub(super) fn compare(
         &mut self,
         known: &mut Known,
-        (frame, quiet): (&Frame, bool),
+        frame: &Frame,
+        quiet: bool,
         appeared: &[u32],
     ) -> Result<Compared> {
-        let mut compared = self.compare_with_baseline(known, (frame, quiet), appeared)?;
+        let mut compared = self.compare_with_baseline(known, frame, quiet, appeared)?;
         if self.options.strategy.is_incremental() {
             // The work depends on earlier frames, so the report has only the sizes of the scene.
             compared.stats = Stats::default();
@@ -41,7 +42,8 @@ impl Engine {
     fn compare_with_baseline(
         &mut self,
         known: &mut Known,
-        (frame, quiet): (&Frame, bool),
+        frame: &Frame,
+        quiet: bool,
         appeared: &[u32],
     ) -> Result<Compared> {
         let Some(baseline) = known.baseline.clone() else {
@@ -70,7 +72,7 @@ impl Engine {
             }
             Strategy::Full => self.compare_fully(frame.set()?, &baseline)?,
             Strategy::Incremental | Strategy::Paranoid => {
-                self.compare_incrementally(known, (frame, quiet), &baseline)?
+                self.compare_incrementally(known, frame, quiet, &baseline)?
             }
         };
         // After a cancellation, pairs are missing. They must not be missing in the baseline.
@@ -140,7 +142,8 @@ impl Engine {
     fn compare_incrementally(
         &mut self,
         known: &mut Known,
-        (frame, quiet): (&Frame, bool),
+        frame: &Frame,
+        quiet: bool,
         baseline: &Certificate,
     ) -> Result<Compared> {
         let compared = match self.monitor.reference_result().filter(|_| quiet) {

@@ -87,7 +87,7 @@ impl Engine {
         // Computes the linking numbers of this frame, to find the renumbering.
         scene.find_yarns(next.curves, &cell);
         let search = self.image_search();
-        let followed = scene.follow((next.curves, &cell), None, None, search)?;
+        let followed = scene.follow(next.curves, &cell, None, None, search)?;
         let mut scene = scene.clone();
         self.set_filter(scene.filter());
         let set = Arc::clone(followed.frame.set()?);
@@ -95,7 +95,7 @@ impl Engine {
         pool::run(set.segments(), || self.full.certify(&set));
         self.full.progress.check()?;
         self.full.heed_cancel(true);
-        scene.compare_yarns(&followed.frame, (None, None), false)?;
+        scene.compare_yarns(&followed.frame, None, None, false)?;
         let frame = scene.joined(&self.full.certificate, next.curves.len(), &[]);
         known.given = Some(Arc::new(Certificate {
             periods: frame.periods.clone(),
@@ -137,14 +137,13 @@ impl Engine {
             // known.
             known.joined = Some((given, Arc::default()));
         }
-        let given = (next.curves, &cell);
         let bounds = match quiet {
             true => self.monitor.quiet_bounds(next.curves),
             false => None,
         };
         let search = self.image_search();
         let expected = known.joined.as_ref().map(|(joined, _)| &**joined);
-        let followed = scene.follow(given, bounds.as_ref(), expected, search)?;
+        let followed = scene.follow(next.curves, &cell, bounds.as_ref(), expected, search)?;
         if followed.others {
             self.set_filter(scene.filter());
             self.work = Work::default();
@@ -165,8 +164,9 @@ impl Engine {
             return false;
         };
         let before = known.last.as_deref().map(|last| &last.frame);
-        let (curves, work) = ((&**next.curves, next.cell.as_ref()), &mut self.work);
-        self.monitor.is_quiet(before, curves, baseline, work)
+        let (cell, work) = (next.cell.as_ref(), &mut self.work);
+        self.monitor
+            .is_quiet(before, next.curves, cell, baseline, work)
     }
 
     /// Compares the linking numbers of pairs of a closed curve and a yarn (a curve that runs
@@ -182,9 +182,9 @@ impl Engine {
         };
         let incremental = self.options.strategy.is_incremental();
         let last = known.last.as_deref().filter(|_| incremental);
-        let step = (last.map(|last| &last.frame), self.steps.met.as_deref());
+        let before = last.map(|last| &last.frame);
         let check = self.options.strategy == Strategy::Paranoid;
-        let yarns = scene.compare_yarns(frame, step, check)?;
+        let yarns = scene.compare_yarns(frame, before, self.steps.met.as_deref(), check)?;
         if yarns.disagreed {
             self.disagree();
         }

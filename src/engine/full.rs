@@ -138,8 +138,7 @@ impl FullRun {
         let counting = Predictions::new(input, &undecided, Method::Crossings);
         let counting = counting.choose(self.gpu.offer());
         let gpu = (counting == Choice::CountOnGpu).then_some(&mut self.gpu);
-        let to = (&mut self.parts, &*self.progress);
-        compute_links(input, &undecided, gpu, to);
+        compute_links(input, &undecided, gpu, &mut self.parts, &self.progress);
         gather(&self.parts, &mut self.certificate, stats);
         stats.potential_links += summed as u64;
         self.certificate.links.extend(links);
@@ -273,8 +272,7 @@ impl FullRun {
         let input = self.counting.input(set);
         let pairs = &self.search.pairs()[range];
         let gpu = (counting == Choice::CountOnGpu).then_some(&mut self.gpu);
-        let to = (&mut self.parts, &*self.progress);
-        compute_links(input, pairs, gpu, to);
+        compute_links(input, pairs, gpu, &mut self.parts, &self.progress);
         gather(&self.parts, &mut self.certificate, stats);
         self.timings.links += start.elapsed();
     }
@@ -323,7 +321,8 @@ fn compute_links(
     input: Input<'_>,
     pairs: &[Pair],
     gpu: Option<&mut GpuUse>,
-    (parts, progress): (&mut Vec<Counted>, &Progress),
+    parts: &mut Vec<Counted>,
+    progress: &Progress,
 ) {
     match gpu.and_then(|gpu| gpu.count(input, pairs)) {
         Some(found) => {

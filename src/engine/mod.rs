@@ -302,7 +302,7 @@ impl Engine {
         let missing = unknown_step.into_iter().chain(broken).chain(uncompared);
         let mut missing: Vec<String> = missing.collect();
         let (frame, quiet) = self.expand(known, next, &mut missing)?;
-        let mut compared = self.compare(known, (&frame, quiet), &appeared)?;
+        let mut compared = self.compare(known, &frame, quiet, &appeared)?;
         self.add_places(&frame, &mut compared.linking.comparison)?;
         let step = compared.step.take();
         let comparison = &compared.linking.comparison;

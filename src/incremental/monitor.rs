@@ -99,8 +99,7 @@ struct Survey {
 impl Survey {
     /// Compares a frame with a reference frame.
     fn of(reference: &Reference, set: &CurveSet, cell: Option<&Cell>) -> Survey {
-        let positions = (set.positions(), cell);
-        let survey = Survey::read(reference, positions, None, f64::INFINITY);
+        let survey = Survey::read(reference, set.positions(), cell, None, f64::INFINITY);
         Survey {
             contents: Some((set.contents(), cell.copied())),
             // The coordinates of a set are finite.
@@ -112,7 +111,8 @@ impl Survey {
     /// the first value whose magnitude is not within `range`.
     fn read(
         reference: &Reference,
-        (positions, cell): (Positions<'_>, Option<&Cell>),
+        positions: Positions<'_>,
+        cell: Option<&Cell>,
         copy: Option<&mut Received>,
         range: f64,
     ) -> Result<Survey, Bad> {
@@ -185,7 +185,7 @@ impl Monitor {
         };
         let mut found = None;
         set.update_by(positions, |copy, range| {
-            let survey = Survey::read(reference, (positions, cell), Some(copy), range)?;
+            let survey = Survey::read(reference, positions, cell, Some(copy), range)?;
             found = Some(survey);
             Ok(())
         })?;
@@ -206,7 +206,8 @@ impl Monitor {
     pub fn is_quiet(
         &mut self,
         before: Option<&Frame>,
-        (set, cell): (&CurveSet, Option<&Cell>),
+        set: &CurveSet,
+        cell: Option<&Cell>,
         baseline: &Certificate,
         work: &mut Work,
     ) -> bool {
@@ -222,7 +223,7 @@ impl Monitor {
             None => Survey::default(),
         };
         if let Some(built) = self.take_built(set, baseline) {
-            self.adopt_if_better(built, (set, cell));
+            self.adopt_if_better(built, set, cell);
         }
         // The previous survey is of another frame if a frame between the two was rejected, or if
         // the reference frame is new.
@@ -388,7 +389,7 @@ impl Monitor {
 
     /// Adopts a reference frame if fewer points of the current frame moved too far from it than
     /// from the present one.
-    fn adopt_if_better(&mut self, built: Reference, (set, cell): (&CurveSet, Option<&Cell>)) {
+    fn adopt_if_better(&mut self, built: Reference, set: &CurveSet, cell: Option<&Cell>) {
         let survey = Survey::of(&built, set, cell);
         let present = self.reference.as_ref();
         let present = present.filter(|k| !k.certificate.has_degenerate_curves());

@@ -108,16 +108,16 @@ pub(super) fn compare(
 ) -> Result<Option<Vec<u32>>, Bad> {
     match (positions, reference.given.positions(), copy) {
         (Positions::F32(p), Positions::F32(q), Some(Received::F32(copy))) => {
-            compare_all(reference, affine, (p, q), Some(copy), range, limit)
+            compare_all(reference, affine, p, q, Some(copy), range, limit)
         }
         (Positions::F32(p), Positions::F32(q), None) => {
-            compare_all(reference, affine, (p, q), None, range, limit)
+            compare_all(reference, affine, p, q, None, range, limit)
         }
         (Positions::F64(p), Positions::F64(q), Some(Received::F64(copy))) => {
-            compare_all(reference, affine, (p, q), Some(copy), range, limit)
+            compare_all(reference, affine, p, q, Some(copy), range, limit)
         }
         (Positions::F64(p), Positions::F64(q), None) => {
-            compare_all(reference, affine, (p, q), None, range, limit)
+            compare_all(reference, affine, p, q, None, range, limit)
         }
         _ => unreachable!("callers compare the precision first"),
     }
@@ -126,7 +126,8 @@ pub(super) fn compare(
 fn compare_all<T: Real>(
     reference: &Reference,
     affine: Option<&Affine>,
-    (p, q): (&[T], &[T]),
+    p: &[T],
+    q: &[T],
     copy: Option<&mut Vec<T>>,
     range: f64,
     limit: usize,

@@ -86,7 +86,7 @@ impl LinkSearch {
             diagonals.resize(set.len(), Diagonals::UNBOUNDED);
             let tasks = diagonals.par_chunks_mut(CHUNK).enumerate();
             tasks.for_each(|(task, part)| {
-                dispatch!(simd => extents(simd, (set, boxes), task, part));
+                dispatch!(simd => extents(simd, set, boxes, task, part));
             });
             self.retain(|i, j| !diagonals[i as usize].apart(&diagonals[j as usize]));
             self.diagonals = diagonals;
@@ -170,7 +170,8 @@ impl LinkSearch {
 #[inline(always)]
 fn extents<L: Lanes>(
     simd: L,
-    (set, boxes): (&CurveSet, &[Box3]),
+    set: &CurveSet,
+    boxes: &[Box3],
     chunk: usize,
     extents: &mut [Diagonals],
 ) {

@@ -298,7 +298,7 @@ impl<'a> PairCollector<'a> {
         }
         for (i, j, image) in found {
             let both = [i, j].map(|i| searched.periods[i as usize]);
-            let pair = RingAndYarn::between((i, j), image, both);
+            let pair = RingAndYarn::between(i, j, image, both);
             let pair = pair.filter(|pair| searched.is_closed(pair.ring));
             self.yarns.extend(pair);
             let numbers = [i, j].iter().all(|&i| searched.is_closed(i));

@@ -54,7 +54,8 @@ impl RingAndYarn {
     /// Returns the pair of curve `i` and curve `j` translated by `image`, if one of them is a yarn:
     /// a curve with a period in `periods`.
     pub fn between(
-        (i, j): (u32, u32),
+        i: u32,
+        j: u32,
         image: Image,
         periods: [Option<Image>; 2],
     ) -> Option<RingAndYarn> {

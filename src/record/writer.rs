@@ -219,12 +219,13 @@ impl RecordingSink {
     /// The file cannot be written.
     pub fn curves(&mut self, curves: &CurveSet, info: &FrameInfo) -> Result<()> {
         let since_start = Duration::try_from_secs_f64(info.time).unwrap_or_default();
-        self.write_curves((info.seq, info.time), curves, info, since_start.record())
+        self.write_curves(info.seq, info.time, curves, info, since_start.record())
     }
 
     fn write_curves(
         &mut self,
-        (seq, time): (u64, f64),
+        seq: u64,
+        time: f64,
         set: &CurveSet,
         info: &FrameInfo,
         time_ns: u64,
@@ -318,7 +319,7 @@ impl Sink for RecordingSink {
         let time = record.progress.received_ns;
         let seq = record.report.seq;
         if let Some(curves) = &record.curves {
-            self.write_curves((seq, record.report.time), curves, &record.info, time)?;
+            self.write_curves(seq, record.report.time, curves, &record.info, time)?;
         }
         let mut progress = record.progress;
         progress.left_out = self.left_out;

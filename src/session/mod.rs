@@ -312,7 +312,7 @@ impl Session {
     /// Returns the report on a frame that is rejected without being verified, and does not ask the
     /// simulator to stop.
     #[cfg(feature = "cli")]
-    pub(crate) fn give_up(&self, (seq, time): (u64, f64), why: &str) -> Report {
+    pub(crate) fn give_up(&self, seq: u64, time: f64, why: &str) -> Report {
         let mut report = self.engine.reject(seq, time, &Error::Usage(why.into()));
         report.abort = false;
         report

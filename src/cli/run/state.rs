@@ -49,7 +49,7 @@ impl Run {
     /// Returns the result of a frame that the other process did not finish. The frame is not
     /// verified again, because it may have caused the crash. It does not ask the simulator to stop.
     pub fn give_up(&self, seq: u64, time: f64, why: &str) -> Judged {
-        let report = self.session.give_up((seq, time), why);
+        let report = self.session.give_up(seq, time, why);
         Judged::of(report, FrameTimes::default(), Work::default())
     }
 }

@@ -240,7 +240,7 @@ impl BraidLoops {
             for (other_name, at, others) in &ends[..k] {
                 let meet = pieces.iter().any(|(p, bounds)| {
                     let mut near = others.iter().filter(|(_, other)| bounds.overlaps(other));
-                    near.any(|(q, _)| p.meets_piece(*pose, (q, *at), slack))
+                    near.any(|(q, _)| p.meets_piece(*pose, q, *at, slack))
                 });
                 if meet {
                     return Err(format!(

@@ -57,7 +57,7 @@ impl Piece {
     }
 
     /// Returns true unless a plane separates two boxes in different poses (separating axes).
-    pub fn meets_piece(&self, pose: Pose, (other, at): (&Piece, Pose), slack: f64) -> bool {
+    pub fn meets_piece(&self, pose: Pose, other: &Piece, at: Pose, slack: f64) -> bool {
         let half = |p: &Piece| 0.5 * (p.hi - p.lo);
         let center = |p: &Piece, pose: Pose| pose.to_world(0.5 * (p.lo + p.hi));
         let between = center(other, at) - center(self, pose);

@@ -220,7 +220,7 @@ impl Octree {
         let search = |chunk: usize, mut best: Option<Found>| {
             for k in self.chunk(chunk) {
                 let limit = best.map_or(limit_sq, |best| best.distance_sq);
-                self.search(edges, (k, images), limit, |found| {
+                self.search(edges, k, images, limit, |found| {
                     best = Some(best.map_or(found, |best| best.shorter(found)));
                     found.distance_sq
                 });
@@ -250,7 +250,7 @@ impl Octree {
             let mut all = Vec::new();
             for k in self.chunk(chunk) {
                 for images in [false, true] {
-                    self.search(edges, (k, images), limit_sq, |found| {
+                    self.search(edges, k, images, limit_sq, |found| {
                         let is_near = found.distance_sq <= limit_sq;
                         all.extend((is_near && edges.owns(&found)).then_some(found));
                         limit_sq
@@ -278,7 +278,8 @@ impl Octree {
     fn search(
         &self,
         edges: &Edges,
-        (k, images): (usize, bool),
+        k: usize,
+        images: bool,
         mut limit: f64,
         mut found: impl FnMut(Found) -> f64,
     ) {
@@ -291,10 +292,10 @@ impl Octree {
             side: (!edge.is_straight()).then(|| edges.side(edge)),
         };
         if !images {
-            return self.descend(edges, (&ramp, k, Image::default()), &mut limit, &mut found);
+            return self.descend(edges, &ramp, k, Image::default(), &mut limit, &mut found);
         }
         for image in edges.images(self.order[k], limit) {
-            self.descend(edges, (&ramp, k, image), &mut limit, &mut found);
+            self.descend(edges, &ramp, k, image, &mut limit, &mut found);
         }
     }
 
@@ -302,7 +303,9 @@ impl Octree {
     fn descend(
         &self,
         edges: &Edges,
-        (ramp, k, image): (&Ramp<'_>, usize, Image),
+        ramp: &Ramp<'_>,
+        k: usize,
+        image: Image,
         limit: &mut f64,
         found: &mut impl FnMut(Found) -> f64,
     ) {

@@ -134,7 +134,8 @@ impl CellScene {
     /// torn.
     pub fn follow(
         &mut self,
-        (given, cell): (&Arc<CurveSet>, &Cell),
+        given: &Arc<CurveSet>,
+        cell: &Cell,
         quiet: Option<&QuietBounds<'_>>,
         expected: Option<&Certificate>,
         search: Search,
@@ -153,7 +154,7 @@ impl CellScene {
         let bend = self.before.as_ref();
         let bend = bend.map(|before| Bend::between([&before.cell, cell]));
         let bend = bend.transpose()?.unwrap_or_default();
-        let known = self.slack(&boxer, (&bend, quiet), search)?;
+        let known = self.slack(&boxer, &bend, quiet, search)?;
         let disagreed = known.is_some_and(|known| known.disagreed);
         let (slack, others) = match known.filter(|known| known.is_enough) {
             Some(known) => {
@@ -173,7 +174,7 @@ impl CellScene {
                         boxes.swept_from(&FractionalBoxes::new(&at_first), &bend)
                     }
                 };
-                self.search((given, cell), &swept, expected, search)?;
+                self.search(given, cell, &swept, expected, search)?;
                 let pairs = self.found.as_ref().map(|found| &found.pairs);
                 let slack = pairs.map_or([0.0; 3], |pairs| pairs.slack(&boxer));
                 (slack, true)
@@ -226,7 +227,8 @@ impl CellScene {
     fn slack(
         &mut self,
         boxer: &Boxer<'_>,
-        (bend, quiet): (&Bend, Option<&QuietBounds<'_>>),
+        bend: &Bend,
+        quiet: Option<&QuietBounds<'_>>,
         search: Search,
     ) -> Result<Option<Slack>> {
         let Some(KnownImages { pairs, .. }) = &self.found else {
@@ -258,7 +260,8 @@ impl CellScene {
     /// Finds the images that may meet as long as the curves are within these boxes.
     fn search(
         &mut self,
-        (given, cell): (&Arc<CurveSet>, &Cell),
+        given: &Arc<CurveSet>,
+        cell: &Cell,
         boxes: &FractionalBoxes,
         expected: Option<&Certificate>,
         search: Search,
@@ -404,7 +407,8 @@ impl CellScene {
     pub fn compare_yarns(
         &mut self,
         frame: &Frame,
-        (before, met): (Option<&Frame>, Option<&[Pair]>),
+        before: Option<&Frame>,
+        met: Option<&[Pair]>,
         check: bool,
     ) -> Result<Compared> {
         let Some(cell) = frame.cell() else {

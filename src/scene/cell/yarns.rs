@@ -114,7 +114,7 @@ impl Yarns {
     /// yarn.
     pub fn pair(&self, i: u32, j: u32, image: Image) -> Option<RingAndYarn> {
         let periods = self.periods.as_ref()?;
-        RingAndYarn::between((i, j), image, [i, j].map(|i| periods[i as usize]))
+        RingAndYarn::between(i, j, image, [i, j].map(|i| periods[i as usize]))
     }
 
     /// Compares the linking numbers of a frame with the expected ones. If none are expected yet,

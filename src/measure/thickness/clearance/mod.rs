@@ -158,7 +158,7 @@ pub(crate) fn close_blocks(
     }
     check_radii(radii)?;
     let layout = Layout::new(set, cell);
-    let strands = layout.strands((set, cell), radii);
+    let strands = layout.strands(set, cell, radii);
     let reach = Reach {
         ratio: within,
         skin: 0.0,
@@ -328,7 +328,7 @@ impl ClearanceMonitor {
     pub fn measure(&mut self, set: &CurveSet, cell: Option<&Cell>, seq: u64) -> Result<Clearance> {
         let layout = self.prepare(set, cell)?;
         let radii = std::mem::take(&mut self.radii);
-        let strands = layout.strands((set, cell), &radii);
+        let strands = layout.strands(set, cell, &radii);
         // One call into the thread pool, so that the parallel stages do not each wake a thread.
         let measured = rayon::scope(|_| self.measure_strands(&strands));
         self.layout = Some(layout);
@@ -512,7 +512,8 @@ impl Layout {
 
     fn strands<'a>(
         &'a self,
-        (set, cell): (&'a CurveSet, Option<&'a Cell>),
+        set: &'a CurveSet,
+        cell: Option<&'a Cell>,
         radii: &'a [f64],
     ) -> Strands<'a> {
         Strands {

@@ -317,7 +317,7 @@ impl Strands<'_> {
             }
         }
         if let Some(later) = self.later(pair) {
-            self.exclude((pair, later), [a, b], &mut squares);
+            self.exclude(pair, later, [a, b], &mut squares);
         }
         let largest = |block: &Block| block.radii.iter().fold(0.0, |m: f64, &r| m.max(r));
         let spheres = largest(a) + largest(b);
@@ -356,7 +356,7 @@ impl Strands<'_> {
                 break;
             }
             let (k, l) = (at / LANES, at % LANES);
-            let strands = self.closest((pair, [a, b]), [k, l], radii, precise);
+            let strands = self.closest(pair, [a, b], [k, l], radii, precise);
             bound = bound.min(strands.ratio - strands.error);
             if closest.is_none_or(|c| strands.distance < c.distance) {
                 closest = Some(strands);
@@ -377,7 +377,8 @@ impl Strands<'_> {
     /// number of periods from the first block to the second one.
     fn exclude(
         &self,
-        (pair, later): (&BlockPair, i32),
+        pair: &BlockPair,
+        later: i32,
         [a, b]: [&Block; 2],
         squares: &mut [[f64; LANES]; LANES],
     ) {
@@ -405,7 +406,8 @@ impl Strands<'_> {
     #[inline(always)]
     fn closest(
         &self,
-        (pair, [a, b]): (&BlockPair, [&Block; 2]),
+        pair: &BlockPair,
+        [a, b]: [&Block; 2],
         [k, l]: [usize; 2],
         radii: f64,
         precise: bool,
