@@ -10,7 +10,10 @@
 use super::layout::{Layout, Leaves, Node, SHARED, SMALL};
 use super::refit::{refit_curve, refit_range};
 use crate::curve::{Box3, BoxGroup, Curve, CurveSet};
-use crate::simd::LANES;
+use crate::simd::{LANES, prefetch};
+
+/// Maximum number of groups of a curve that are prefetched.
+const UPPER: u32 = 4;
 
 /// Trees of all curves of a frame.
 #[derive(Clone, Debug, Default)]
@@ -107,6 +110,15 @@ impl Trees {
             groups: &self.groups,
             bounds: self.roots[i],
         }
+    }
+
+    /// Prefetches the upper boxes of curve `i`: all boxes if it has few segments.
+    #[inline(always)]
+    pub fn prefetch(&self, i: usize) {
+        let layout = &self.layouts[i];
+        let end = (layout.start + layout.groups) as usize;
+        let count = layout.groups.min(UPPER) as usize;
+        self.groups[end - count..end].iter().for_each(prefetch);
     }
 
     /// Returns the number of bytes of the stored boxes.

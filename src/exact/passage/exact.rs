@@ -1,7 +1,7 @@
 //! Passages in exact arithmetic, with the translation rule for ties.
 
 use super::super::big::{self, BigPoint, BigPredicates};
-use super::super::touch::touch_by;
+use super::super::touch::{segments_touch, touch_by};
 use super::polynomial::{Dyadic, Interval, Polynomial, Root};
 use super::ring::{Infinitesimal, Ring};
 use super::{Edges, Moment, Ties};
@@ -39,8 +39,13 @@ pub(super) struct MovingEdges<R> {
 pub(super) const TRANSLATION: [u32; 3] = [1, 16, 256];
 
 impl MovingEdges<BigInt> {
+    pub fn new(before: &Edges, after: &Edges) -> Self {
+        let point = |k: usize| [before, after][k / 4][k % 4 / 2][k % 2].map(single);
+        MovingEdges::of_points(&big::points(std::array::from_fn(point)))
+    }
+
     /// Ends in this order: a, b of the first edge, c, d of the second one; in both frames.
-    pub fn of_points(all: &[BigPoint; 8]) -> Self {
+    fn of_points(all: &[BigPoint; 8]) -> Self {
         let track = |from: usize, to: usize| {
             per_axis(|x| {
                 let [start, end] =
@@ -167,8 +172,10 @@ pub(super) struct Event {
 /// have an event at that end of the step, even if its sign is 0. Returns `None` if a tie is to be
 /// reported.
 pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Event>> {
-    let sums = [before, after].map(|edges| edges.map(|edge| edge.map(|p| p.map(single))));
-    events_of_sums(sums, ties)
+    let point = |k: usize| [before, after].iter().all(|e| e[k][0] == e[k][1]);
+    let at_rest = before == after || point(0) || point(1);
+    let contact = [before, after].map(segments_touch);
+    events_of(contact, at_rest, || MovingEdges::new(before, after), ties)
 }
 
 /// [`events`] of edges whose coordinates are sums.
@@ -177,23 +184,33 @@ pub(super) fn events_of_sums(frames: [SumEdges; 2], ties: Ties) -> Option<Vec<Ev
     let ends: [SumPoint; 8] = std::array::from_fn(|k| frames[k / 4][k % 4 / 2][k % 2]);
     let all = big::points(ends);
     let [before, after] = [&all[..4], &all[4..]];
-    // Frames in which the edges touch.
+    let point = |k: usize| [before, after].iter().all(|ends| ends[k] == ends[k + 1]);
+    let at_rest = before == after || point(0) || point(2);
     let contact = [before, after].map(|ends| {
         let [a, b, c, d] = [0, 1, 2, 3].map(|k| &ends[k]);
         touch_by([a, b], [c, d], &mut BigPredicates)
     });
+    events_of(contact, at_rest, || MovingEdges::of_points(&all), ties)
+}
+
+/// `contact` is true for the frames in which the edges touch, `at_rest` if the edges do not move,
+/// or one of them is a point in both frames.
+fn events_of(
+    contact: [bool; 2],
+    at_rest: bool,
+    motion: impl FnOnce() -> MovingEdges<BigInt>,
+    ties: Ties,
+) -> Option<Vec<Event>> {
     let at_end = |end: usize, sign: i32| Event {
         sign,
         time: [0.0, 1.0][end],
         moment: [Moment::Start, Moment::End][end],
     };
     let unchanged = |end: usize| contact[end].then(|| at_end(end, 0));
-    let point = |k: usize| [before, after].iter().all(|ends| ends[k] == ends[k + 1]);
-    if before == after || point(0) || point(2) {
-        // The edges do not move, or one of them is a point in both frames.
+    if at_rest {
         return Some([0, 1].into_iter().filter_map(unchanged).collect());
     }
-    let motion = MovingEdges::of_points(&all);
+    let motion = motion();
     let volume = motion.volume();
     let flat = volume.is_zero();
     let mut translated = None;

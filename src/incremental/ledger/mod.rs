@@ -96,6 +96,9 @@ use crate::{curve::Parts, discretize::MovingSeparation};
 /// side of another strand to the opposite side.
 pub(crate) const MOTION_LIMIT: f64 = 1.5;
 
+/// Number of pairs by which prefetching is ahead.
+const AHEAD: usize = 4;
+
 /// Finds passages, step by step. Its buffers are reused from step to step.
 ///
 /// The outcome does not depend on the number of threads of the rayon pool that it is called in.
@@ -257,7 +260,10 @@ impl Ledger {
             .par_iter_mut()
             .zip(pairs.par_chunks(size))
             .for_each_init(Workspace::default, |workspace, (part, pairs)| {
-                for &pair in pairs {
+                for (k, &pair) in pairs.iter().enumerate() {
+                    if let Some(&next) = pairs.get(k + AHEAD) {
+                        step.trees.prefetch(next);
+                    }
                     step.pair(pair, workspace, part);
                 }
             });

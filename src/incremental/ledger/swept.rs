@@ -158,6 +158,15 @@ impl SweptTrees {
         &self.roots
     }
 
+    /// Prefetches the upper boxes of both curves of a pair.
+    #[inline(always)]
+    pub fn prefetch(&self, (i, j): Pair) {
+        for tree in &self.trees {
+            tree.prefetch(i as usize);
+            tree.prefetch(j as usize);
+        }
+    }
+
     /// Returns an observer who moves with two curves, which must have trees.
     pub fn observer(&self, (i, j): Pair) -> Observer {
         let both = |i: u32| [0, 1].map(|f| self.trees[f].roots()[i as usize]);

@@ -7,6 +7,9 @@ use crate::pool::pairs_per_task;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+/// Number of pairs by which prefetching is ahead.
+const AHEAD: usize = 4;
+
 /// Computes the linking numbers of pairs, one part for each task, in the order of the pairs. Later
 /// parts are empty; the buffers of all parts are reused. Adds the computed pairs of each finished
 /// task to `done`: not those that a cancellation skips.
@@ -27,7 +30,11 @@ pub(crate) fn linking_numbers(
         let pairs = &pairs[k * size..pairs.len().min((k + 1) * size)];
         let mut computed = 0;
         ((), part.stats) = input.workspaces.run(|workspace| {
-            for &pair in pairs {
+            for (k, &pair) in pairs.iter().enumerate() {
+                if let Some(&(i, j)) = pairs.get(k + AHEAD) {
+                    input.trees.prefetch(i as usize);
+                    input.trees.prefetch(j as usize);
+                }
                 if input.cancelled() {
                     break;
                 }

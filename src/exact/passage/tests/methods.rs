@@ -1,14 +1,11 @@
 //! The floating-point filter, exact arithmetic and the Cauchy index, compared with one another.
 
 use super::*;
-use crate::curve::single;
 use crate::curve::vector::per_axis;
-use crate::exact::big;
 use crate::exact::passage::exact::{MovingEdges, TRANSLATION, events};
 use crate::exact::passage::polynomial::{Interval, Polynomial, index};
 use crate::exact::passage::ring::Infinitesimal;
 use crate::exact::segments_touch;
-use num_bigint::BigInt;
 
 /// Checks that both methods find the same events, if floating point decides.
 fn assert_methods_agree(before: &Edges, after: &Edges) -> Decided {
@@ -131,12 +128,6 @@ fn assert_signs_agree(before: &Edges, after: &Edges) -> Decided {
     decided
 }
 
-/// Returns the motion of two edges from one frame to the next.
-fn moving(frames: &[Edges; 2]) -> MovingEdges<BigInt> {
-    let point = |k: usize| frames[k / 4][k % 4 / 2][k % 2].map(single);
-    MovingEdges::of_points(&big::points(std::array::from_fn(point)))
-}
-
 /// The passages of lattice edges are the same for every way of counting.
 #[test]
 fn every_axis_and_the_cauchy_index_count_the_same() {
@@ -150,7 +141,7 @@ fn every_axis_and_the_cauchy_index_count_the_same() {
         if frames.iter().any(segments_touch) {
             continue;
         }
-        let motion = moving(&frames);
+        let motion = MovingEdges::new(before, after);
         let all = events(before, after, Ties::Translate).unwrap();
         let all: i32 = all.iter().map(|e| e.sign).sum();
         let count = |exponents: [u32; 3]| {
@@ -187,7 +178,7 @@ fn the_translation_is_on_no_surface_of_an_end_and_an_edge() {
         if r.one_in(2) {
             frames.iter_mut().for_each(|f| f[0].reverse());
         }
-        let translated = moving(&frames).translated(TRANSLATION);
+        let translated = MovingEdges::new(&frames[0], &frames[1]).translated(TRANSLATION);
         let counts = per_axis(|w| translated.net_passages(&Interval::step(), w));
         assert!(
             counts.iter().all(|&n| n == counts[0]),
