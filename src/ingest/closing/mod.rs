@@ -259,6 +259,15 @@ impl Closing {
     ///
     /// The errors of [`Closing::curves`].
     pub fn of_set(&mut self, set: &CurveSet, source: CurveSource) -> Result<Option<CurveSet>> {
+        // Without an allocation, as most frames are like the one before.
+        let same = |(known, c): (&Known, i32)| match known {
+            Known::Open => c > 0 || !source.closed_by_default,
+            Known::Closed | Known::Joined(_) => c < 0 || self.keep_open,
+            Known::Repeated(_) => false,
+        };
+        if self.known.len() == set.len() && self.known.iter().zip(set.counts()).all(same) {
+            return Ok(None);
+        }
         let counts: Vec<i32> = set.counts().collect();
         let frame = RawFrame {
             basis: set.basis(),
