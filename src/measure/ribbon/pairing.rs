@@ -18,6 +18,7 @@
 //!    several spreads are equal, the shortest centre line decides, then the smallest distance.
 //! 5. A close pairing whose distances are constant up to rounding ([`RIGID`]) is preferred to the
 //!    order of the vertices, if the distances of the latter are not constant.
+//!
 //! The rule cannot find the pairing if thermal motion hides the differences of distances. So other
 //! close pairings whose distances have a similar spread are returned as alternatives.
 //!

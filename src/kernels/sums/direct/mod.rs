@@ -6,7 +6,7 @@
 //! algorithm 7) for the sum without arctangents, with these changes:
 //!
 //! * One argument for each pair instead of two. One is enough, because the angle of a pair is below
-//! half a turn.
+//!   half a turn.
 //! * A bound of every term and of the sum ([`block`]).
 //! * Quarter turns are counted instead of half turns, so that no count is uncertain.
 //! * Columns are vectorized, instead of one running product.
