@@ -46,8 +46,8 @@ struct File {
     begins_run: bool,
     /// True until its first valid frame was taken, if frames before it are missing.
     after_gap: bool,
-    /// Likewise, if whole files are.
-    lacks_files: bool,
+    /// Likewise, if whole files are: what is missing, in the singular and in the plural.
+    lacks_files: Option<[&'static str; 2]>,
     /// Number of cuts and layout number of its last valid frame.
     last_seen: Option<(u32, u32)>,
 }
@@ -93,18 +93,24 @@ impl Sequence {
         let most_ahead = if self.single { 0 } else { 2 };
         let ahead: Vec<_> = frames.by_ref().take(most_ahead).collect();
         let has_several = ahead.len() > 1;
-        let part = (!self.single && input::is_mcap(&path)).then(|| recorded::part(&path));
+        let part = input::is_mcap(&path).then(|| recorded::part(&path));
         let part = part.flatten();
         let last = self.part.take();
-        let (mut is_next, mut lacks_files, mut after_gap) = (false, false, false);
+        let (mut is_next, mut lacks_files, mut after_gap) = (false, None, false);
         if let (Some(part), Some(last)) = (&part, &last)
             && part.number > 1
             && (self.one_motion || part.run == last.run)
         {
             is_next = part.number == last.number + 1;
-            lacks_files = !is_next;
+            let gap = ["gap between files of a run", "gaps between files of a run"];
+            lacks_files = (!is_next).then_some(gap);
             // Frames between these two may have been skipped.
-            after_gap = lacks_files || part.leaves_out;
+            after_gap = !is_next || part.leaves_out;
+        } else if part.as_ref().is_some_and(|part| part.number > 1) {
+            lacks_files = Some([
+                "run without its first file",
+                "runs without their first file",
+            ]);
         }
         self.part = part;
         let begins_run = has_several && self.had_several && !self.one_motion && !is_next;
@@ -224,8 +230,7 @@ impl Iterator for Sequence {
             self.note(curves, &frame.info);
             if let Some(file) = &mut self.current {
                 frame.after_gap |= std::mem::take(&mut file.after_gap);
-                if std::mem::take(&mut file.lacks_files) {
-                    let kind = ["gap between files of a run", "gaps between files of a run"];
+                if let Some(kind) = file.lacks_files.take() {
                     let gap = LeftOut::new(1, kind, path.display().to_string());
                     LeftOut::merge(&mut frame.info.left_out, &[gap]);
                 }

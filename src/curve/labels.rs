@@ -100,15 +100,18 @@ pub(crate) struct CurveChange {
     pub before: usize,
     /// Index of each curve before; `None` if it appeared.
     pub origins: Vec<Option<u32>>,
+    /// Same as `origins`, but `None` also for curves that were open and are closed: no earlier
+    /// frame has their linking numbers.
+    pub expected: Vec<Option<u32>>,
     /// Names of the curves that appeared, in the order of the frame.
     pub appeared: Vec<String>,
     /// Names of the curves that disappeared, in the order of the previous frame.
     pub gone: Vec<String>,
     /// Names of the curves that were closed before, and are open.
     pub opened: Vec<String>,
-    /// Names of the curves that were open before, and are closed with the same number of points.
+    /// Names of the curves that were open before, and are closed.
     pub closed: Vec<String>,
-    /// Names of the curves with another number of points than before.
+    /// Names of the other curves with another number of points than before.
     pub resized: Vec<String>,
     /// Names of curves that appeared, and had existed before they disappeared.
     pub returned: Vec<String>,
@@ -134,9 +137,11 @@ impl CurveChange {
         let index = |name| indices.get(name).copied();
         let is_new = |name: &&String| !indices.contains_key(*name);
         let is_gone = |name: &&String| !kept.contains(*name);
+        let origins: Vec<Option<u32>> = after.names.iter().map(index).collect();
         Ok(CurveChange {
             before: before.names.len(),
-            origins: after.names.iter().map(index).collect(),
+            expected: origins.clone(),
+            origins,
             appeared: after.names.iter().filter(is_new).cloned().collect(),
             gone: before.names.iter().filter(is_gone).cloned().collect(),
             ..CurveChange::default()
@@ -156,10 +161,13 @@ impl CurveChange {
             let (before, now) = (before.curve(k as usize), now.curve(i));
             match (before.closed, now.closed) {
                 (true, false) => self.opened.push(names[i].clone()),
+                (false, true) => {
+                    self.closed.push(names[i].clone());
+                    self.expected[i] = None;
+                }
                 _ if before.points != now.points => {
                     self.resized.extend(is_searched.then(|| names[i].clone()));
                 }
-                (false, true) => self.closed.push(names[i].clone()),
                 _ => {}
             }
         }
@@ -188,6 +196,16 @@ impl CurveChange {
             .map(|curves| format!("{curves}: another number of points than in the previous frame"));
         let words: Vec<String> = closed.into_iter().chain(resized).collect();
         (!words.is_empty()).then(|| format!("pull-throughs of curve {}", words.join("; of curve ")))
+    }
+
+    /// Returns a text that names the curves that were open and are closed now, which have no
+    /// earlier linking numbers. `None` if there are none.
+    #[cfg(feature = "verify")]
+    pub fn words_of_closed(&self) -> Option<String> {
+        let curves = words_of_first(&self.closed)?;
+        Some(format!(
+            "the linking numbers of curve {curves}: open in the previous frame, and closed"
+        ))
     }
 
     /// Returns true if the same curves are in the same order.

@@ -217,7 +217,7 @@ impl Known {
 
     /// Prepares a step to a frame after curves appeared or disappeared. Pull-throughs are searched
     /// for among the curves that still exist with the same number of points. Returns the curves
-    /// that appeared, if there is a baseline that must get their linking numbers.
+    /// that appeared or became closed, if there is a baseline that must get their linking numbers.
     ///
     /// # Errors
     ///
@@ -233,12 +233,13 @@ impl Known {
         self.check_number(change.before)?;
         let mut appeared = Vec::new();
         if let Some(baseline) = &mut self.baseline {
-            *baseline = Arc::new(baseline.with_curves(origins));
-            let all = (0_u32..).zip(origins);
+            *baseline = Arc::new(baseline.with_curves(&change.expected));
+            let all = (0_u32..).zip(&change.expected);
             appeared.extend(all.filter(|(_, o)| o.is_none()).map(|(i, _)| i));
         }
         let higher = self.higher.iter();
-        self.higher = Arc::new(higher.map(|of| of.with_curves(origins)).collect());
+        let higher = higher.map(|of| of.with_curves(&change.expected));
+        self.higher = Arc::new(higher.collect());
         let last = self.last.take().filter(|_| events != Events::Off);
         self.across = last.and_then(|last| {
             let before = &**last.frame.given();
@@ -263,6 +264,10 @@ impl Known {
                 curves,
             }))
         });
+        if self.unknown_step.is_none() {
+            // Without a search of the step, the numbers are missing nevertheless.
+            self.unknown_step = change.words_of_closed();
+        }
         if let Some(pairs) = &mut self.touching {
             let index = |before: u32| {
                 let i = origins.iter().position(|o| *o == Some(before))?;

@@ -5,6 +5,7 @@ use super::series::Series;
 use super::violations::{Shot, Violations};
 use crate::curve::vector::mix;
 use crate::curve::{CurveLabels, Image, Notation};
+use crate::diagram::InvariantKind;
 use crate::error::Result;
 use crate::incremental::Events;
 use crate::picture::svg::plain;
@@ -57,6 +58,9 @@ pub(super) struct Baseline {
     pub frame: Option<u64>,
     /// Number of frames that were published before it, but verified by nobody.
     pub unverified: u64,
+    /// True if it has knots of curves.
+    #[serde(skip)]
+    pub knots: bool,
     /// Number of curves that run through the periodic cell, if there are several.
     #[serde(skip)]
     pub through: u64,
@@ -138,6 +142,8 @@ pub(super) struct Facts {
     pub stats: Stats,
     /// Largest number of open curves of a frame.
     pub open_curves: u64,
+    /// True if a frame had several curves, or a periodic cell.
+    pub has_pairs: bool,
     pub violations: Violations,
     pub pull_throughs: Rows<PullThroughRow>,
     /// Number of unresolved pull-throughs.
@@ -234,7 +240,17 @@ impl Facts {
         let unsearched = self.counts.verified > 1 && self.unverified_curves() > 0;
         let cut = self.metadata.contains_key(CUT_OFF);
         let lost = lost > 0 || unsearched || cut || !self.left_out.is_empty();
-        self.counts.verified == 0 || lost || self.end != End::Finished
+        self.counts.verified == 0 || lost || self.has_one_curve() || self.end != End::Finished
+    }
+
+    /// Returns true if nothing was compared, because each frame has one curve.
+    pub fn has_one_curve(&self) -> bool {
+        let is_given = |baseline: &Baseline| baseline.frame.is_none();
+        let baseline = self.baseline.as_ref();
+        let compared = self.counts.verified > 1 || baseline.is_some_and(is_given);
+        let knots = self.open_curves == 0 && baseline.is_some_and(|baseline| baseline.knots);
+        let itself = self.events() == Events::All && self.counts.verified > 1;
+        self.counts.verified > 0 && compared && !(self.has_pairs || knots || itself)
     }
 }
 
@@ -272,6 +288,10 @@ impl Collector {
                     undefined: b.certificate.undefined.len(),
                     frame: b.frame,
                     unverified: b.unverified,
+                    knots: b
+                        .certificate
+                        .invariants()
+                        .any(|k| k == InvariantKind::Curve),
                     through: b.certificate.periods_without_numbers() as u64,
                 });
             }
@@ -280,6 +300,7 @@ impl Collector {
                 self.facts.counts.unanswered += u64::from(before.is_some());
                 LeftOut::merge(&mut self.facts.left_out, &frame.info.left_out);
                 self.frames += 1;
+                self.facts.has_pairs |= frame.info.cell.is_some();
                 let cuts = self.cuts.replace(frame.info.cuts);
                 self.facts.counts.cuts += u64::from(cuts.is_some_and(|c| c != frame.info.cuts));
                 let accepted = self.accepted.replace(frame.info.baseline);
@@ -335,6 +356,7 @@ impl Collector {
             counts.without_curves += u64::from(ordinal.is_none());
             facts.stats = report.stats;
             facts.open_curves = facts.open_curves.max(report.stats.open_curves);
+            facts.has_pairs |= report.stats.curves != 1;
         }
         let received = progress.received_ns;
         match &mut facts.span {

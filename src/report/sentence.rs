@@ -147,6 +147,11 @@ impl Facts {
             let frames = plural_of(n, "frame was", "frames were");
             gaps.extend((n > 0).then(|| format!("{frames} {what}")));
         }
+        gaps.extend(self.has_one_curve().then(|| {
+            "nothing was compared: one curve alone has no linking number, and pull-throughs of a \
+             curve with itself were not searched for"
+                .into()
+        }));
         let unread = self.left_out.iter();
         gaps.extend(unread.map(|found| format!("not read: {found}")));
         gaps.extend(self.metadata.get(CUT_OFF).cloned());

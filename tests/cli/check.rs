@@ -531,12 +531,19 @@ fn one_curve_alone_is_not_intact() {
     let run = linkwatch(&["check", text(&file), "--closed"]);
     assert_eq!(run.code, 3, "{}", run.stdout);
     assert!(run.stderr.contains("one curve alone"), "{}", run.stderr);
+    let recording = folder.path().join("one.mcap");
     for (option, code) in [
+        ("--events=between", 3),
         ("--events=all", 0),
         ("--invariants=self", 0),
         ("--invariants=triple", 3),
     ] {
-        let run = linkwatch(&["check", text(&file), "--closed", option]);
+        let record = ["--force", "--record", text(&recording)];
+        let check = ["check", text(&file), "--closed", option];
+        let run = linkwatch(&[&check[..], &record].concat());
+        assert_eq!(run.code, code, "{option}: {}", run.stdout);
+        // The report said that it is intact.
+        let run = linkwatch(&["report", "--text", text(&recording)]);
         assert_eq!(run.code, code, "{option}: {}", run.stdout);
     }
 }

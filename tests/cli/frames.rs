@@ -254,6 +254,14 @@ fn a_missing_file_of_a_recorded_run_is_a_gap() {
             run.stderr
         );
     }
+    // Without the first file, what happened there was not said.
+    for files in [&[&second, &third][..], &[&third]] {
+        let files: Vec<&str> = files.iter().map(|file| text(file)).collect();
+        let run = linkwatch(&[&["check"], &files[..]].concat());
+        assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+        let missing = "1 run without its first file";
+        assert!(run.stderr.contains(missing), "{}", run.stderr);
+    }
     // Nothing said that there are more files.
     let says = "the run continues in run-part2.mcap";
     let run = linkwatch(&["replay", text(&recording)]);

@@ -309,6 +309,43 @@ fn a_curve_that_is_open_when_it_is_described_again_is_not_intact() {
     }
 }
 
+/// Regression test: the pairs of a curve that became closed were expected to be unlinked.
+#[test]
+fn a_curve_that_is_closed_later_is_expected_with_its_first_linking_numbers() {
+    let ring = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| [x, y, 0.0]);
+    let other = |shift: f64| {
+        [[0.0, 1.0], [0.0, -1.0], [2.0, -1.0], [2.0, 1.0]].map(|[x, z]| [x + shift, 0.0, z])
+    };
+    let far = ring.map(|[x, y, z]| [x + 9.0, y, z]);
+    for (events, cuts) in [(Events::Off, 0), (Events::Between, 0), (Events::Between, 1)] {
+        let mut session = Session::new(SessionOptions {
+            events,
+            ..SessionOptions::default()
+        })
+        .unwrap();
+        let mut report = |seq: u32, closed: bool, shift: f64| {
+            let xyz = [ring, other(shift), far].concat();
+            let counts = [-4, if closed { -4 } else { 4 }, -4];
+            let labels = CurveLabels::named(["a", "b", "c"]);
+            let info = FrameInfo {
+                cuts: cuts * u32::from(closed),
+                ..FrameInfo::at(seq.into(), 0.0).with_labels(u32::from(closed), labels)
+            };
+            let positions = Positions::F64(xyz.as_flattened());
+            let set = CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap();
+            session.feed(info, set).unwrap()
+        };
+        assert_eq!(report(0, false, 0.0).verdict, Verdict::Intact);
+        let closed = report(1, true, 0.0);
+        assert_eq!(closed.verdict, Verdict::Undecided, "{closed:?}");
+        assert!(closed.missing[0].contains("curve b: open in the previous frame"));
+        assert_eq!(report(2, true, 0.1).verdict, Verdict::Intact);
+        let apart = report(3, true, 4.0);
+        assert_eq!(apart.changes[0].expected.abs(), 1, "{apart:?}");
+        assert_eq!(apart.changes[0].found, 0);
+    }
+}
+
 /// An open square whose ends meet if `gap` is 0, and an open strand beside its edge x = 1.
 fn square_and_strand(gap: f64, x: f64) -> [Vec<[f64; 3]>; 2] {
     let square = [[-1., -1., 0.], [1., -1., 0.], [1., 1., 0.], [-1., 1., 0.]];

@@ -320,6 +320,30 @@ fn the_frame_in_hand_is_skipped_if_a_signal_cancels_its_check() {
     assert!(!ended.stderr.contains("crashed"), "{}", ended.stderr);
 }
 
+/// Regression test: the frame after it counted as the one after the cut, and was intact.
+#[test]
+fn the_step_from_a_cut_frame_in_hand_is_unknown() {
+    for signal in ["KILL", "TERM"] {
+        let mut watches = Restarted::start(&format!("cut in hand {signal}"), &EVENTS);
+        let mut sim = Client::open(&watches.service, &ClientOptions::lockstep()).unwrap();
+        describe(&mut sim, &[]);
+        watched(&mut sim);
+        assert_eq!(step(&mut sim, 0, 3.0), Verdict::Intact);
+        sim.cut();
+        publish_tangle(&mut sim);
+        watches.stop(signal);
+        watches.next();
+        watched(&mut sim);
+        describe(&mut sim, &[]);
+        assert_eq!(step(&mut sim, 2, -5.0), Verdict::Undecided, "{signal}");
+        sim.finish().unwrap();
+        let ended = watches.end();
+        assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+        let last = ended.reports().last().unwrap()["last_intact"].clone();
+        assert_eq!(last, 0, "{}", ended.stderr);
+    }
+}
+
 /// Regression test: the second frame became the baseline without a warning.
 #[test]
 fn the_next_process_verifies_the_first_frame_if_a_signal_cancels_its_check() {

@@ -14,9 +14,10 @@ pub struct RunState {
 }
 
 impl RunState {
-    /// Returns true if this is the state after a frame.
-    pub fn is_after(&self, seq: Option<u64>) -> bool {
-        self.session.info().map(|info| info.seq) == seq
+    /// Returns true if this is the state after a frame, and no frame after a later cut was begun.
+    /// `cuts` is the number of cuts before the last frame that was begun.
+    pub fn is_after(&self, seq: Option<u64>, cuts: u32) -> bool {
+        self.session.info().map(|info| (info.seq, info.cuts)) == seq.map(|seq| (seq, cuts))
     }
 }
 

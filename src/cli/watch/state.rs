@@ -46,7 +46,7 @@ pub struct Note {
     in_hand: Option<(u64, f64)>,
     /// Number of the last verified frame.
     verified: Option<u64>,
-    /// Number of cuts before the last frame.
+    /// Number of cuts before the last frame that was begun.
     cuts: u32,
     /// Last frame that is known to be intact.
     last_intact: Option<u64>,
@@ -157,7 +157,7 @@ impl State {
         if let (Some(note), Some(files)) = (self.earlier.take().filter(same), &self.files) {
             let mut run: Option<RunState> = read_session(&files.session)?;
             let (cuts, last_intact, last) = (note.cuts, note.last_intact, note.verified);
-            if let Some(run) = run.as_mut().filter(|run| !run.is_after(last)) {
+            if let Some(run) = run.as_mut().filter(|run| !run.is_after(last, cuts)) {
                 let why = if note.stopped { STOPPED } else { CRASHED };
                 let intact = last.is_some() && last_intact == last;
                 let session = std::mem::take(&mut run.session);
