@@ -168,6 +168,13 @@ def test_certificates_are_written_and_compared(tmp_path):
         linkwatch.Certificate.read(tmp_path / "none.txt")
 
 
+def test_assert_intact_says_how_frames_of_files_are_verified():
+    frame = linkwatch.io.Frame(np.concatenate(linked()), [-len(curve) for curve in linked()])
+    with pytest.raises(TypeError, match="assert linkwatch.check"):
+        linkwatch.assert_intact([frame, frame])
+    assert linkwatch.check([frame, frame])
+
+
 def test_comparing_certificates_warns_of_pairs_that_are_not_compared():
     square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
     touching = linkwatch.certify([square, square + [2, 0, 0], square + [9, 0, 0]])

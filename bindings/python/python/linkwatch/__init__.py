@@ -1078,6 +1078,11 @@ def assert_intact(
     session = Session(counts, baseline=baseline, **options)
     run = Run(None, {**options, "baseline": baseline})
     for frame in frames:
+        if hasattr(frame, "positions"):
+            raise TypeError(
+                "the frames are those of a file, or linkwatch.io.Frame objects: "
+                "`assert linkwatch.check(frames)` verifies them"
+            )
         frame = frame if hasattr(frame, "__len__") else list(frame)
         report = session.step(frame)
         if not report.intact:
