@@ -78,7 +78,10 @@ impl CurveLabels {
         }
         let invalid = |r: &f32| !(*r >= 0.0 && r.is_finite());
         match self.radii.iter().position(invalid) {
-            Some(i) => bad(i, format!("radius {}, expected at least 0", self.radii[i])),
+            Some(i) => {
+                let what = "expected at least 0 and finite in single precision";
+                bad(i, format!("radius {}, {what}", self.radii[i]))
+            }
             None => Ok(()),
         }
     }

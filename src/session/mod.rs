@@ -455,7 +455,14 @@ impl Session {
         let same = |change: &CurveChange| {
             change.is_identity() && (info.cell.is_some() || have_same_size())
         };
-        let mut change = change.flatten().filter(|change| !same(change));
+        let change = change.flatten();
+        if let (Some(_), Some(_), Some(before)) = (info.cell, &change, before) {
+            let mut pairs = before.curves().iter().zip(given.curves());
+            if pairs.any(|(a, b)| a.closed != b.closed) {
+                before.check_same_layout(&given)?;
+            }
+        }
+        let mut change = change.filter(|change| !same(change));
         // A frame that begins a run or a part is verified beside the state of the frames before it,
         // which remains if the frame is rejected.
         let begun = begin.map(|begin| begin.engine(self, info)).transpose()?;

@@ -5,8 +5,8 @@ use crate::sets::{random_set, values};
 use crate::support::random::Random;
 use crate::support::session::Step;
 use linkwatch::{
-    Basis, Certificate, Certifier, CurveLabels, CurveSet, Events, FrameInfo, Positions, Precision,
-    RawFrame, Report, Session, SessionOptions, Stats, Strategy, Verdict,
+    Basis, Cell, Certificate, Certifier, CurveLabels, CurveSet, Events, FrameInfo, Positions,
+    Precision, RawFrame, Report, Session, SessionOptions, Stats, Strategy, Verdict,
 };
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -343,6 +343,24 @@ fn a_curve_that_is_closed_later_is_expected_with_its_first_linking_numbers() {
         let apart = report(3, true, 4.0);
         assert_eq!(apart.changes[0].expected.abs(), 1, "{apart:?}");
         assert_eq!(apart.changes[0].found, 0);
+    }
+    // In a cell, all frames have the same curves.
+    for events in [Events::Off, Events::Between] {
+        let mut session = Session::new(SessionOptions {
+            events,
+            cell: Some(Cell::orthogonal([0.0; 3], [40.0; 3])),
+            ..SessionOptions::default()
+        })
+        .unwrap();
+        for (layout, count, verdict) in [(0, 4, Verdict::Intact), (1, -4, Verdict::Rejected)] {
+            let xyz = [ring, other(0.0), far].concat();
+            let labels = CurveLabels::named(["a", "b", "c"]);
+            let info = FrameInfo::at(layout.into(), 0.0).with_labels(layout, labels);
+            let positions = Positions::F64(xyz.as_flattened());
+            let counts = [-4, count, -4];
+            let set = CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap();
+            assert_eq!(session.feed(info, set).unwrap().verdict, verdict);
+        }
     }
 }
 

@@ -47,7 +47,7 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
         words += ["--bonds", str(paths[0])]
         paths = paths[1:]
     if len(paths) > 1 and options.one_motion:
-        return _chained([_converted(words, [path]) for path in paths])
+        return _chained([_converted(words, [path], is_alone=False) for path in paths])
     return _converted(words, paths)
 
 
@@ -55,7 +55,8 @@ def _chained(parts: list[Frames]) -> Frames:
     """Returns the frames of files that continue one another, and so do their numbers and cuts."""
     numbers = [part.summary.part or 0 for part in parts]
     steps = zip(numbers, numbers[1:])
-    follows = [True, *(last == 0 or part in (0, 1, last + 1) for last, part in steps)]
+    follows = [last == 0 or part in (0, 1, last + 1) for last, part in steps]
+    follows.insert(0, numbers[0] in (0, 1))
     for part, is_next in zip(parts, follows):
         if not is_next:
             part.summary.left_out.append(f"files of the run before {part.path.name}")
@@ -80,8 +81,11 @@ def _chained(parts: list[Frames]) -> Frames:
     return Frames(parts[0].path, load, summary, sum(map(len, parts)))
 
 
-def _converted(words: list[str], paths: Sequence[Path]) -> Frames:
-    """Opens files by ``linkwatch convert``; its archive is on the disk while it is read."""
+def _converted(words: list[str], paths: Sequence[Path], is_alone: bool = True) -> Frames:
+    """Opens files by ``linkwatch convert``; its archive is on the disk while it is read.
+
+    The files before them may be given, too, unless they are alone.
+    """
     # The archive is mapped to memory, so it exists until the frames are deleted.
     with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
         archive = Path(folder) / "frames.npz"
@@ -101,6 +105,7 @@ def _converted(words: list[str], paths: Sequence[Path]) -> Frames:
     summary.left_out += [
         f"{found['count']} {found['kind']} (the first one: {found['first']})"
         for found in result["left_out"]
+        if is_alone or found["kind"] != LATER_FILES
     ]
     for level, *rest in filter(None, said):
         # Invalid frames are errors, and rejected when they are read.
@@ -108,6 +113,9 @@ def _converted(words: list[str], paths: Sequence[Path]) -> Frames:
             summary.notes += rest
     return frames
 
+
+# What the command says of the later files of a recording without the first one.
+LATER_FILES = "runs without their first file"
 
 # Levels of the lines on stderr.
 LEVELS = ("WARN", "INFO", "ERROR")
