@@ -362,7 +362,6 @@ mod tests {
     use crate::curve::{Basis, Point, Positions};
     use crate::incremental::Coverage;
     use crate::incremental::ledger::Ledger;
-    use crate::incremental::reference::MOST_NEAR;
     use crate::random::Random;
     use std::f64::consts::TAU;
     use std::sync::Arc;
@@ -424,11 +423,12 @@ mod tests {
             };
             let frames = [moved(&mut r), moved(&mut r)];
             let reference = Reference::build(
-                (MOST_NEAR, &Cancel::default()),
                 &set(&rings).into(),
                 Arc::default(),
                 0,
-                (coverage, None),
+                coverage,
+                None,
+                &Cancel::default(),
             )
             .unwrap();
             let affines = frames

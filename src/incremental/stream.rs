@@ -293,7 +293,6 @@ mod tests {
     use crate::cancel::Cancel;
     use crate::curve::{Basis, CurveSet};
     use crate::incremental::Coverage;
-    use crate::incremental::reference::MOST_NEAR;
     use crate::random::Random;
     use crate::simd::{Portable, dispatch};
     use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -329,11 +328,12 @@ mod tests {
         }
         let set = set(&xyz, single);
         let mut reference = Reference::build(
-            (MOST_NEAR, &Cancel::default()),
             &set.into(),
             Arc::default(),
             0,
-            (Coverage::default(), None),
+            Coverage::default(),
+            None,
+            &Cancel::default(),
         )
         .unwrap();
         let mut allowances = vec![f32::INFINITY; reference.set.points()];

@@ -2,7 +2,7 @@
 //! frames.
 
 use super::ledger::tests::planted::{Plant, PlantedStep, planted_step};
-use super::reference::{MOST_NEAR, Reference};
+use super::reference::Reference;
 use super::{Coverage, Events, Route};
 use crate::cancel::Cancel;
 use crate::curve::{Basis, CurveSet, Positions};
@@ -285,11 +285,12 @@ fn reference_speed() {
                 let start = Instant::now();
                 let build = || {
                     Reference::build(
-                        (MOST_NEAR, &Cancel::default()),
                         &set.into(),
                         Arc::new(certificate),
                         0,
-                        (coverage, None),
+                        coverage,
+                        None,
+                        &Cancel::default(),
                     )
                     .unwrap()
                 };

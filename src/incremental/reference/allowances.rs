@@ -56,7 +56,7 @@ const BATCH: usize = 1024;
 
 /// Maximum number of near pairs of blocks, of which each needs up to 40 bytes. Yarn has about ten
 /// per block; the strands of a wound ball, which are all near one another, have thousands.
-pub const MOST_NEAR: usize = 1 << 24;
+pub(super) const MOST_NEAR: usize = 1 << 24;
 
 /// Number of new entries after which a list of near blocks is compacted.
 const COMPACT: usize = 1 << 20;
@@ -94,7 +94,8 @@ impl<'a> Allowances<'a> {
         covered: Covered<'a>,
         trees: &'a Trees,
         filter: Option<&'a PairFilter>,
-        (most, cancel): (usize, &'a Cancel),
+        most: usize,
+        cancel: &'a Cancel,
     ) -> Self {
         let unbounded = |_| AtomicU32::new(f32::INFINITY.to_bits());
         Allowances {
