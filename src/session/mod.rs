@@ -455,10 +455,12 @@ impl Session {
         let same = |change: &CurveChange| {
             change.is_identity() && (info.cell.is_some() || have_same_size())
         };
-        let change = change.flatten();
-        if let (Some(_), Some(_), Some(before)) = (info.cell, &change, before) {
-            let mut pairs = before.curves().iter().zip(given.curves());
-            if pairs.any(|(a, b)| a.closed != b.closed) {
+        let mut change = change.flatten();
+        if let (Some(change), Some(before)) = (&mut change, before) {
+            let all = self.options.events == Events::All;
+            change.note_kinds(before, &given, &info.labels.names, all);
+            let same_kinds = change.opened.is_empty() && change.closed.is_empty();
+            if info.cell.is_some() && !same_kinds {
                 before.check_same_layout(&given)?;
             }
         }
@@ -472,10 +474,6 @@ impl Session {
             None => (&mut self.engine, &mut self.coordinates),
         };
         let set = coordinates.place(&given, info, of_frame, self.options.wrapped)?;
-        if let (Some(change), Some((before, _))) = (&mut change, &coordinates.last) {
-            let all = self.options.events == Events::All;
-            change.note_kinds(before, &set, &info.labels.names, all);
-        }
         if let Some(change) = &mut change {
             let returned = change.appeared.iter();
             let returned = returned.filter(|name| self.gone.contains(&hash(name)));
