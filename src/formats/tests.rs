@@ -35,9 +35,9 @@ pub(super) fn frames_of(mut source: Source<'_>) -> Result<Vec<ModelFrame>> {
     std::iter::from_fn(|| source.next_frame().transpose()).collect()
 }
 
-/// Returns bytes in which a reader may go to any place.
-pub(super) fn seekable(bytes: &[u8]) -> (Cursor<&[u8]>, u64) {
-    (Cursor::new(bytes), bytes.len() as u64)
+/// Reads the arrays of an `.npz` file in memory.
+pub(super) fn read_npz<'a>(bytes: &'a [u8], options: &ReadOptions) -> Result<Source<'a>> {
+    numpy::read_npz(Cursor::new(bytes), bytes.len() as u64, options)
 }
 
 /// Reads the frames of a file in memory, up to the first one that is invalid.
@@ -60,7 +60,7 @@ fn parse(format: Format, bytes: &[u8]) -> Result<Vec<CurveSet>> {
         Format::LammpsData => lammps::read_data(input, &npz)?,
         Format::LammpsDump => lammps::read_dump(bytes, &[[4, 2], [2, 9], [9, 4]], false)?,
         Format::Npy => numpy::read_npy(input, &npy)?,
-        Format::Npz => numpy::read_npz(seekable(bytes), &npz)?,
+        Format::Npz => read_npz(bytes, &npz)?,
         Format::Xyz => xyz::read(input, &npz)?,
         Format::Points => points::read(input, &text)?,
         Format::Mcap => unreachable!("its tests are in mcap"),

@@ -75,12 +75,13 @@ pub(super) fn read_npy<'a>(mut input: Input<'a>, options: &ReadOptions) -> Resul
 /// Opens an `.npz` file.
 pub(super) fn open_npz(path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
     let (file, len) = open_file(path)?;
-    read_npz((FileReader::from(file), len), options)
+    read_npz(FileReader::from(file), len, options)
 }
 
 /// Reads the arrays of an `.npz` file of this length, up to the positions of the first frame.
 pub(super) fn read_npz<'a>(
-    (file, len): (impl ReaderAt + 'a, u64),
+    file: impl ReaderAt + 'a,
+    len: u64,
     options: &ReadOptions,
 ) -> Result<Source<'a>> {
     let archive = archive::Archive::open(file, len)?;

@@ -6,7 +6,7 @@ use super::*;
 use crate::Certifier;
 use crate::curve::{CurveSet, Precision};
 use crate::formats::frames::FrameSource;
-use crate::formats::tests::{curves, seekable};
+use crate::formats::tests::{curves, read_npz};
 use crate::formats::{Frames, ModelFrame};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -266,7 +266,7 @@ fn a_frame_with_a_wrong_value_is_invalid_and_the_next_one_is_read() {
 
 /// Reads an archive to its end.
 fn read_all(bytes: &[u8]) -> Result<usize> {
-    let mut source = read_npz(seekable(bytes), &options(None))?;
+    let mut source = read_npz(bytes, &options(None))?;
     let mut frames = 0;
     while let Some(frame) = source.next_frame()? {
         frame.curves?;
@@ -388,7 +388,7 @@ fn with_array(frames: usize, name: &str, descr: &str, shape: &str, values: &[u8]
 fn arrays_of_other_names_that_may_hold_points_are_counted() {
     let left_out = |name: &str, descr: &str, shape: &str, values: usize| {
         let bytes = with_array(2, name, descr, shape, &vec![0; values]);
-        let mut source = read_npz(seekable(&bytes), &options(None));
+        let mut source = read_npz(&bytes, &options(None));
         let frame = source.as_mut().unwrap().next_frame().unwrap().unwrap();
         assert!(frame.curves.is_ok());
         frame.info.left_out
@@ -449,7 +449,7 @@ fn arrays_of_other_names_that_may_hold_points_are_counted() {
 #[test]
 fn elements_that_the_writer_left_out_are_left_out() {
     let bytes = with_array(2, "left_out", "|S8", "(2,)", b"3 blobs\x002 meshes");
-    let mut source = read_npz(seekable(&bytes), &options(None)).unwrap();
+    let mut source = read_npz(&bytes, &options(None)).unwrap();
     let frame = source.next_frame().unwrap().unwrap();
     let expected = "2 kinds of elements that the archive leaves out (the first one: 3 blobs)";
     assert_eq!(frame.info.left_out[0].to_string(), expected);
@@ -460,7 +460,7 @@ fn frames_have_the_cell_of_the_archive() {
     let cells = |frames: usize, shape: &str, numbers: &[f64]| {
         let values: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
         let bytes = with_array(frames, "cell", "<f8", shape, &values);
-        let mut source = read_npz(seekable(&bytes), &options(None))?;
+        let mut source = read_npz(&bytes, &options(None))?;
         let mut found = Vec::new();
         while let Some(frame) = source.next_frame()? {
             frame.curves?;
@@ -573,7 +573,7 @@ fn a_curve_that_the_cell_of_an_archive_tears_is_refused_unless_it_is_unwrapped()
 fn times_radii_and_cells_may_be_integers() {
     let read = |name: &str, descr: &str, shape: &str, values: &[u8]| {
         let bytes = with_array(1, name, descr, shape, values);
-        let mut source = read_npz(seekable(&bytes), &options(None))?;
+        let mut source = read_npz(&bytes, &options(None))?;
         Ok::<_, Error>(source.next_frame()?.unwrap().info)
     };
     let i8 = |values: &[i64]| {
