@@ -29,7 +29,7 @@ pub(super) fn remove_unsized() {
         let unsized_files = files.filter_map(|file| {
             let name = file.file_name();
             let is_named = name.as_encoded_bytes().starts_with(prefix.as_bytes());
-            let data = file.metadata().ok().filter(|_| is_named)?;
+            let data = is_named.then(|| file.metadata().ok()).flatten()?;
             let is_unsized = data.size() == 0 && data.uid() == user;
             is_unsized.then(|| (file.path(), data.ino()))
         });
