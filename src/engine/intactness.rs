@@ -29,7 +29,7 @@ impl Intactness {
         report.last_intact = self.last_intact;
     }
 
-    /// Starts anew, because the next frame does not continue the last one.
+    /// Forgets a possible pull-through, because the next frame does not continue the last one.
     pub(super) fn cut(&mut self) {
         self.broken = false;
     }

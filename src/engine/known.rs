@@ -265,7 +265,7 @@ impl Known {
             }))
         });
         if self.unknown_step.is_none() {
-            // Without a search of the step, the numbers are missing nevertheless.
+            // Also if the step is not searched, there are no numbers to compare with.
             self.unknown_step = change.words_of_closed();
         }
         if let Some(pairs) = &mut self.touching {

@@ -276,7 +276,7 @@ fn a_curve_that_appeared_in_a_rejected_frame_is_expected_from_the_next_one() {
     assert_eq!(report.verdict, Verdict::Changed);
 }
 
-/// Regression test: if curves are described again, each is decided anew to be closed or open. A
+/// Regression test: a description of the curves replaces the decisions which of them are closed. A
 /// ring that had been cut became an open curve, and the frame was intact although it lacked the
 /// linking numbers of the ring.
 #[test]

@@ -84,7 +84,7 @@ def _chained(parts: list[Frames]) -> Frames:
 def _converted(words: list[str], paths: Sequence[Path], is_alone: bool = True) -> Frames:
     """Opens files by ``linkwatch convert``; its archive is on the disk while it is read.
 
-    The files before them may be given, too, unless they are alone.
+    ``is_alone`` is false if the caller also reads the other files of the recording.
     """
     # The archive is mapped to memory, so it exists until the frames are deleted.
     with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
@@ -114,7 +114,7 @@ def _converted(words: list[str], paths: Sequence[Path], is_alone: bool = True) -
     return frames
 
 
-# What the command says of the later files of a recording without the first one.
+# Kind of element that the command counts as left out if the first file of a recording is missing.
 LATER_FILES = "runs without their first file"
 
 # Levels of the lines on stderr.
