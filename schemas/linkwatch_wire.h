@@ -31,8 +31,8 @@ typedef struct linkwatch_frame_header {
   uint32_t basis;
   // 4 or 8.
   uint32_t coordinate_bytes;
-  // Number of cuts in the session before this frame, wrapping. If it differs from that of the
-  // last verified frame, this frame does not continue that one. It is a count, not a flag,
+  // Number of cuts in the session before this frame, wrapping. If it differs from the number in
+  // the last verified frame, this frame does not continue that frame. It is a count, not a flag,
   // because the frame after a cut may be skipped.
   uint32_t cuts;
   // Number of times that the simulator described its curves before this one. The curves, their
@@ -78,7 +78,8 @@ typedef struct linkwatch_verdict {
   // Bytes used of `reason`.
   uint32_t reason_len;
   uint32_t unresolved;
-  // Number of curves that appeared, and of those that are gone, since the last verified frame.
+  // Number of curves that appeared, and of curves that disappeared, since the last verified
+  // frame.
   uint32_t appeared;
   uint32_t gone;
   // Number of all findings of the frame.
