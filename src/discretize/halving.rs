@@ -8,9 +8,32 @@ use crate::curve::{Bezier, CurveSet, Point, point_at, sub_segment};
 pub(crate) struct Splits {
     /// Segment and parameter, sorted.
     pub at: Vec<(u32, f64)>,
+    /// One bit per segment, set if the segment is split.
+    marked: Vec<u64>,
 }
 
 impl Splits {
+    /// Removes all splits.
+    pub fn clear(&mut self) {
+        for &(segment, _) in &self.at {
+            if let Some(word) = self.marked.get_mut(segment as usize / 64) {
+                *word = 0;
+            }
+        }
+        self.at.clear();
+    }
+
+    /// Sets the bits for [`Splits::splits`], for a curve with this number of segments.
+    fn mark(&mut self, segments: u32) {
+        let words = segments.div_ceil(64) as usize;
+        if self.marked.len() < words {
+            self.marked.resize(words, 0);
+        }
+        for &(segment, _) in &self.at {
+            self.marked[segment as usize / 64] |= 1 << (segment % 64);
+        }
+    }
+
     fn of(&self, segment: u32) -> &[(u32, f64)] {
         let start = self.at.partition_point(|s| s.0 < segment);
         let end = start + self.at[start..].partition_point(|s| s.0 == segment);
@@ -20,7 +43,8 @@ impl Splits {
     /// Returns true if a segment is split.
     #[inline(always)]
     pub fn splits(&self, segment: u32) -> bool {
-        self.at.binary_search_by_key(&segment, |s| s.0).is_ok()
+        let word = self.marked.get(segment as usize / 64);
+        word.is_some_and(|word| word >> (segment % 64) & 1 != 0)
     }
 
     /// Replaces `out` by the vertices of the polyline of segment `s` of curve `i`, including its
@@ -110,7 +134,7 @@ impl Halving {
             front,
             next,
         } = self;
-        splits.iter_mut().for_each(|splits| splits.at.clear());
+        splits.iter_mut().for_each(Splits::clear);
         front.clear();
         front.extend(meeting.iter().map(|&(s, t)| Overlap {
             segments: [s, t],
@@ -155,6 +179,9 @@ impl Halving {
             let of_segments = next.chunk_by(|a, b| a.segments == b.segments);
             let few = |o: &&[Overlap]| most_overlaps.is_none() || o.len() <= GRAZING;
             front.extend(of_segments.filter(few).flatten());
+        }
+        for (splits, curve) in splits.iter_mut().zip(curves) {
+            splits.mark(frames[0].curve(curve).segments);
         }
         Ok(())
     }
