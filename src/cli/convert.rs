@@ -18,7 +18,8 @@ use std::path::{Path, PathBuf};
 /// Rewrite the frames of model files or of a recording in another format
 ///
 /// The extension of OUT determines the format. If that format holds one frame a file, and there are
-/// several, the number of the frame is added to the name of each file: OUT-00000.obj, ..
+/// several, the number of the frame is added to the name of each file: OUT-00000.obj, .. Named
+/// curves that come and go are written to further archives: OUT.npz, OUT-2.npz, ..
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Model files, folders or patterns of them, or a recording
@@ -106,9 +107,19 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             })?;
         }
     } else {
-        write_whole(&args.output, args.overwrite, |part| {
-            converter.write(part, &mut frames)
-        })?;
+        let mut path = args.output.clone();
+        loop {
+            write_whole(&path, args.overwrite, |part| {
+                converter.write(part, &mut frames)
+            })?;
+            converter.files.push(path);
+            if converter.waiting.is_none() {
+                break;
+            }
+            let number = converter.files.len() + 1;
+            path = with_suffix(&args.output, &number.to_string());
+            files.writes("OUT", [&path], content)?;
+        }
     }
     converter.check_frames()?;
     converter.print(&args.output, numbered, json);
@@ -148,8 +159,15 @@ struct Converter {
     /// Number of the input among the files of a recorded run.
     part: Option<u32>,
     certifier: Certifier,
+    /// Files written so far, unless each has one frame.
+    files: Vec<PathBuf>,
+    /// A frame to write. It waits for the next one, so that the last one of a file has the count of
+    /// invalid frames. After a file, it is the first one of the next file.
+    waiting: Option<(CurveSet, FrameInfo)>,
     frames: u64,
     invalid: Vec<Invalid>,
+    /// Number of invalid frames that a file counts.
+    counted: usize,
     /// Elements of the files that were not read.
     left_out: Vec<LeftOut>,
     /// Number of gaps in a recording so far, which are cuts in the output.
@@ -167,7 +185,7 @@ struct Converter {
 }
 
 impl Converter {
-    /// Writes all valid frames to a file.
+    /// Writes valid frames to a file, until one has other curves than the file can hold.
     fn write(&mut self, path: &Path, frames: &mut Frames<'_>) -> Result<()> {
         match self.target {
             Some(format) => {
@@ -188,14 +206,12 @@ impl Converter {
         }
     }
 
-    /// Converts all valid frames, and passes them to `write`.
+    /// Converts the valid frames of a file, and passes them to `write`.
     fn convert(
         &mut self,
         frames: &mut Frames<'_>,
         mut write: impl FnMut(CurveSet, FrameInfo) -> Result<()>,
     ) -> Result<()> {
-        // A frame waits for the next one, so that the last one has the count of invalid frames.
-        let mut waiting: Option<(CurveSet, FrameInfo)> = None;
         for frame in frames {
             let frame = frame?;
             if !self.is_valid(&frame) {
@@ -240,20 +256,38 @@ impl Converter {
             }
             self.points[1] += curves.points() as u64;
             self.frames += 1;
-            if let Some((curves, info)) = waiting.replace((curves, info)) {
-                write(curves, self.with_invalid(info))?;
+            let begins_file = self.begins_file(&curves, &info);
+            if let Some((curves, info)) = self.waiting.replace((curves, info)) {
+                let info = self.with_invalid(info);
+                write(curves, info)?;
+            }
+            if begins_file {
+                return Ok(());
             }
         }
-        if let Some((curves, info)) = waiting {
-            write(curves, self.with_invalid(info))?;
+        if let Some((curves, info)) = self.waiting.take() {
+            let info = self.with_invalid(info);
+            write(curves, info)?;
         }
         self.check_frames()
     }
 
-    /// Adds the invalid frames to the skipped elements, so that the output counts as incomplete.
-    fn with_invalid(&self, mut info: FrameInfo) -> FrameInfo {
-        if let Some(first) = self.invalid.first() {
-            let (count, kind) = (self.invalid.len(), ["invalid frame", "invalid frames"]);
+    /// Returns true if a frame belongs to the next file: curves came, went or changed. Only named
+    /// ones may, and an archive of NumPy holds the same curves in all frames.
+    fn begins_file(&self, curves: &CurveSet, info: &FrameInfo) -> bool {
+        let Some((last, last_info)) = &self.waiting else {
+            return false;
+        };
+        let are_named = [info, last_info].map(|info| !info.labels.names.is_empty());
+        let is_same = last.counts().eq(curves.counts()) && last_info.labels == info.labels;
+        self.target == Some(Format::Npz) && are_named == [true; 2] && !is_same
+    }
+
+    /// Adds invalid frames to the skipped elements, so that the output counts as incomplete.
+    fn with_invalid(&mut self, mut info: FrameInfo) -> FrameInfo {
+        let new = &self.invalid[std::mem::replace(&mut self.counted, self.invalid.len())..];
+        if let Some(first) = new.first() {
+            let (count, kind) = (new.len(), ["invalid frame", "invalid frames"]);
             info.left_out
                 .push(LeftOut::new(count as u64, kind, &first.name));
         }
@@ -309,6 +343,7 @@ impl Converter {
         if json {
             output::json(&serde_json::json!({
                 "output": path.to_string_lossy(),
+                "files": self.files.iter().map(|file| file.to_string_lossy()).collect::<Vec<_>>(),
                 "numbered": numbered,
                 "frames": self.frames,
                 "invalid": self.invalid.len(),
@@ -330,6 +365,14 @@ impl Converter {
             false => format!(", {} before", count(before)),
         };
         out!("{}{files}: {frames}, {points}{before}", path.display());
+        if self.files.len() > 1 {
+            let files: Vec<_> = self.files.iter().map(|f| f.display().to_string()).collect();
+            let (count, files) = (files.len(), files.join(" "));
+            out!(
+                "  the curves or names change, so there are {count} files: check them with \
+                 `linkwatch check {files} --one-motion`"
+            );
+        }
         if self.lost_cells > 0 {
             let cells = plural(self.lost_cells, "frame");
             out!("  lost: the periodic cell of {cells}");

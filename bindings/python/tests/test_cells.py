@@ -163,3 +163,20 @@ def test_clearance_counts_the_images():
     assert report.clearance.ratio == pytest.approx(0.5)
     assert (report.clearance.curves, report.clearance.image) == ((0, 1), (-1, 0, 0))
     assert "the image -1,0,0 of curve 1" in str(report.clearance)
+
+
+def test_a_check_of_a_path_unwraps_it(tmp_path):
+    """Regression test: files that the command reads were refused without the option `unwrap`."""
+    frames = [
+        linkwatch.io.Frame(
+            np.mod(np.concatenate(across(10)) + [0.5 * k, 0, 0], 10),
+            [-4, -4],
+            cell=np.array([[10, 0, 0], [0, 10, 0], [0, 0, 10], [0, 0, 0.0]]),
+            seq=k,
+        )
+        for k in range(6)
+    ]
+    (path,) = linkwatch.write(frames, tmp_path / "torn.npz")
+    with pytest.raises(ValueError, match="torn"):
+        linkwatch.check(path)
+    assert linkwatch.check(path, wrapped=True).verdict == "intact"

@@ -82,3 +82,51 @@ def test_gaps_of_recordings_are_not_searched_and_said(tmp_path):
     for source in (thin, again):
         found = linkwatch.check(source)
         assert (found.verdict, len(found.pull_throughs)) == ("incomplete", 0)
+
+
+def comes_and_goes(tmp_path):
+    """A recording of rings, of which the third one is there in two frames of six."""
+    angles = np.linspace(0, 2 * np.pi, 20, endpoint=False)
+    flat = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1)
+    rings = [flat[:, axes] + [k, 0, 0] for k, axes in enumerate(([0, 1, 2], [0, 2, 1], [0, 1, 2]))]
+    frames = []
+    for k in range(6):
+        number = 3 if k in (2, 3) else 2
+        positions = np.concatenate(rings[:number]) + [0, 0.01 * k, 0]
+        names = [f"ring {i}" for i in range(number)]
+        frames.append(linkwatch.io.Frame(positions, [-20] * number, names=names, seq=k, time=k / 2))
+    archives = linkwatch.write(frames, tmp_path / "made.npz")
+    path = tmp_path / "run.mcap"
+    assert run("check", "--one-motion", *archives, "--record", path)[0] == 0
+    return frames, path
+
+
+def test_a_recording_whose_curves_come_and_go_is_read(tmp_path):
+    """Regression test: Python and conversions to archives refused it."""
+    frames, path = comes_and_goes(tmp_path)
+    read = linkwatch.read(path)
+    assert len(read) == 6 and str(read.summary) == "2 curves, 2 closed"
+    for one, other in zip(read, frames, strict=True):
+        assert np.array_equal(one.positions, other.positions)
+        assert (one.counts, one.names) == (other.counts, other.names)
+        assert (one.seq, one.time) == (other.seq, other.time)
+    found = linkwatch.check(path)
+    assert found.verdict == "intact"
+    with ThreadPoolExecutor(2) as client:
+        assert linkwatch.check(path, client=client, chunk=2).frames == found.frames
+
+
+def test_a_conversion_of_curves_that_come_and_go_writes_further_archives(tmp_path):
+    _, path = comes_and_goes(tmp_path)
+    code, out, _ = run("convert", path, tmp_path / "out.npz")
+    names = [f"{tmp_path}/out{part}.npz" for part in ("", "-2", "-3")]
+    assert code == 0 and "check " + " ".join(names) + " --one-motion" in out
+    code, out, _ = run("check", *names, "--one-motion")
+    assert (code, out.count("curves appeared: ring 2"), out.count("intact")) == (0, 1, 7), out
+    again = tmp_path / "again.mcap"
+    assert run("convert", *names, again, "--one-motion")[0] == 0
+    assert [frame.names for frame in linkwatch.read(again)] == [
+        frame.names for frame in linkwatch.read(path)
+    ]
+    code, _, err = run("convert", path, tmp_path / "out.npz", "--json")
+    assert code == 2 and "exists" in err

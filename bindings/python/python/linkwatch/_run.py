@@ -50,7 +50,9 @@ AHEAD = 3
 PRINTED = 5
 
 
-def frames_of(given: Any, *, keep_open: bool = False, **options: Any) -> Frames:
+def frames_of(
+    given: Any, *, keep_open: bool = False, wrapped: bool | None = None, **options: Any
+) -> Frames:
     """Returns what :func:`check` takes as frames of files."""
     if isinstance(given, (str, os.PathLike)):
         given = [given]
@@ -60,6 +62,9 @@ def frames_of(given: Any, *, keep_open: bool = False, **options: Any) -> Frames:
         read = lambda frames: frames  # noqa: E731
     elif isinstance(given, (list, tuple)) and given and isinstance(given[0], (str, os.PathLike)):
         read, args = functools.partial(io.read, keep_open=keep_open), list(given)
+        if wrapped and io.format_of(Path(given[0])) is io.FORMATS[-1]:
+            # The command refuses curves that are torn, unless it unwraps them.
+            options.setdefault("unwrap", True)
     elif hasattr(given, "universe") and hasattr(given, "atoms"):
         read = io.from_mdanalysis
     options = {name: value for name, value in options.items() if value is not None}
@@ -740,7 +745,7 @@ def check(
     options = options_of(
         baseline, events, radius, motion_limit, invariants, wrapped, keep_open
     )
-    source = frames_of(frames, keep_open=keep_open, **described)
+    source = frames_of(frames, keep_open=keep_open, wrapped=wrapped, **described)
     given = source.recipe[2] if source.recipe else {}
     if given.get("closed") is False or given.get("keep_open"):
         # A session would close curves that a reader kept open.

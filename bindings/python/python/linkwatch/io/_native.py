@@ -82,11 +82,11 @@ def _chained(parts: list[Frames]) -> Frames:
 
 
 def _converted(words: list[str], paths: Sequence[Path], is_alone: bool = True) -> Frames:
-    """Opens files by ``linkwatch convert``; its archive is on the disk while it is read.
+    """Opens files by ``linkwatch convert``; its archives are on the disk while they are read.
 
     ``is_alone`` is false if the caller also reads the other files of the recording.
     """
-    # The archive is mapped to memory, so it exists until the frames are deleted.
+    # The archives are mapped to memory, so they exist until the frames are deleted.
     with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
         archive = Path(folder) / "frames.npz"
         words = [*words, *map(str, paths), str(archive)]
@@ -99,7 +99,8 @@ def _converted(words: list[str], paths: Sequence[Path], is_alone: bool = True) -
             lines = [" ".join(words[words[0] in LEVELS :]) for words in said if words]
             raise ValueError("; ".join(lines).removeprefix("error: "))
         result = json.loads(ended.stdout.splitlines()[-1])
-        frames = _opened(archive, paths[0], result["invalid_frames"])
+        archives = [_Archive(Path(path)) for path in result["files"]]
+        frames = _opened(archives, paths[0], result["invalid_frames"])
     summary = frames.summary
     summary.part = result["part"]
     summary.left_out += [
@@ -121,48 +122,64 @@ LATER_FILES = "runs without their first file"
 LEVELS = ("WARN", "INFO", "ERROR")
 
 
-def _opened(archive: Path, path: Path, invalid: list[dict[str, Any]]) -> Frames:
-    """Returns the frames of an archive of the command, and the invalid ones that it lacks."""
-    with np.load(archive) as arrays:
-        counts = np.asarray(arrays["counts"])
-        names = [str(name) for name in arrays["names"]] if "names" in arrays else []
-        radii = arrays["radii"].tolist() if "radii" in arrays else []
-        basis = str(arrays["basis"])
-        others = {key: arrays[key] for key in ("times", "seq", "cell", "cuts") if key in arrays}
-    positions = _mapped(archive)
-    summary = Summary(len(counts), int((counts < 0).sum()))
-    cell = others.get("cell")
-    # The index of each frame in the archive. An invalid frame has the index of the frame before it.
-    numbers = others["seq"].tolist() if "seq" in others else list(range(len(positions)))
-    rows: list[tuple[int, int, dict[str, Any] | None]] = [
-        (seq, k, None) for k, seq in enumerate(numbers)
-    ]
+class _Archive:
+    """An archive of the command. All of its frames have the same curves."""
+
+    def __init__(self, path: Path) -> None:
+        with np.load(path) as arrays:
+            self.counts = arrays["counts"].tolist()
+            self.names = [str(name) for name in arrays["names"]] if "names" in arrays else []
+            self.radii = arrays["radii"].tolist() if "radii" in arrays else []
+            self.basis = str(arrays["basis"])
+            others = {key: arrays[key] for key in ("times", "seq", "cell", "cuts") if key in arrays}
+        self.positions = _mapped(path)
+        self.others = others
+        frames = range(len(self.positions))
+        self.numbers = others["seq"].tolist() if "seq" in others else [*frames]
+
+    def frame(self, k: int) -> Frame:
+        """Returns the frame at an index."""
+        others, cell = self.others, self.others.get("cell")
+        return Frame(
+            np.array(self.positions[k]).reshape(-1, 3),
+            self.counts,
+            self.basis,
+            self.names,
+            self.radii,
+            None if cell is None else cell[k] if cell.ndim == 3 else cell,
+            self.numbers[k],
+            float(others["times"][k]) if "times" in others else 0.0,
+            cuts=int(others["cuts"][k]) if "cuts" in others else 0,
+        )
+
+
+def _opened(archives: list[_Archive], path: Path, invalid: list[dict[str, Any]]) -> Frames:
+    """Returns the frames of archives of the command, and the invalid ones that they lack."""
+    counts = archives[0].counts
+    summary = Summary(len(counts), sum(count < 0 for count in counts))
+    # An invalid frame has the place of the frame before it.
+    places = [(seq, one, k) for one in archives for k, seq in enumerate(one.numbers)]
+    rows: list[tuple[int, _Archive, int, dict[str, Any] | None]] = [(*row, None) for row in places]
+    numbers = [seq for seq, _, _ in places]
     known = set(numbers)
-    for one in invalid:
-        if one["frame"] in known:
-            summary.left_out.append(f"frame {one['frame']}, which is invalid: {one['error']}")
+    for why in invalid:
+        if why["frame"] in known:
+            summary.left_out.append(f"frame {why['frame']}, which is invalid: {why['error']}")
         else:
-            before = max(0, int(np.searchsorted(numbers, one["frame"])) - 1)
-            rows.append((one["frame"], before, one))
-            known.add(one["frame"])
+            _, one, k = places[max(0, int(np.searchsorted(numbers, why["frame"])) - 1)]
+            rows.append((why["frame"], one, k, why))
+            known.add(why["frame"])
     rows.sort(key=lambda row: row[0])
 
     def load(start: int = 0, stop: int = len(rows)) -> Iterator[Frame]:
-        for seq, k, why in rows[start:stop]:
-            frame = Frame(
-                np.array(positions[k]).reshape(-1, 3),
-                counts.tolist(),
-                basis,
-                names,
-                radii,
-                None if cell is None else cell[k] if cell.ndim == 3 else cell,
-                seq,
-                float(others["times"][k]) if "times" in others else 0.0,
-                cuts=int(others["cuts"][k]) if "cuts" in others else 0,
-            )
+        for seq, one, k, why in rows[start:stop]:
+            frame = one.frame(k)
+            if why is None:
+                yield frame
+                continue
             # A time that is not finite is null in JSON.
-            at = frame.time if why is None or why["time"] is None else why["time"]
-            yield frame if why is None else frame.invalid(why["error"], time=at)
+            at = frame.time if why["time"] is None else why["time"]
+            yield frame.invalid(why["error"], seq=seq, time=at)
 
     opened = Frames(path, load, summary, len(rows))
     opened.part = load
