@@ -66,8 +66,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         [one] => recorded::part(one).map(|part| part.number),
         _ => None,
     };
-    let frames = Sequence::new(inputs, options, args.one_motion);
-    let mut frames = frames.filter_map(|frame| match frame {
+    let mut sequence = Sequence::new(inputs, options, args.one_motion);
+    let mut frames = sequence.by_ref().filter_map(|frame| match frame {
         Ok(frame) if frame.begins_run => Some(Err(usage!(
             "{}: this file and one before it have several frames each, so they may be runs of \
              their own: convert each alone, or give --one-motion",
@@ -122,6 +122,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
     }
     converter.check_frames()?;
+    converter.ends_in_gap = sequence.ends_in_gap;
     converter.print(&args.output, numbered, json);
     let lost = !converter.invalid.is_empty() || !converter.left_out.is_empty();
     Ok(Outcome::undecided_if(lost || converter.undecided))
@@ -172,6 +173,8 @@ struct Converter {
     left_out: Vec<LeftOut>,
     /// Number of gaps in a recording so far, which are cuts in the output.
     gaps: u32,
+    /// True if frames after the last one are not in the recording.
+    ends_in_gap: bool,
     /// Number of frames whose cell the output cannot hold.
     lost_cells: u64,
     /// Number of cuts up to the last frame.
@@ -352,6 +355,7 @@ impl Converter {
                 "lost_cells": self.lost_cells,
                 "lost_cuts": self.lost_cuts,
                 "part": self.part,
+                "ends_in_gap": self.ends_in_gap,
                 "points": after,
                 "points_before": before,
             }));

@@ -251,14 +251,38 @@ pub fn check_recording(path: &Path) -> Result<()> {
 }
 
 /// Frames of a file, in the order of the file.
-pub type FileFrames = Box<dyn Iterator<Item = Result<ModelFrame>>>;
+pub enum FileFrames {
+    Model(Frames),
+    Recording(Box<Recorded>),
+    /// A generated scene, or what is left of it.
+    Scene(Option<ModelFrame>),
+}
+
+impl FileFrames {
+    /// Returns true if frames after those that were read so far are not in the file.
+    pub fn ends_in_gap(&self) -> bool {
+        matches!(self, FileFrames::Recording(recorded) if recorded.after_gap)
+    }
+}
+
+impl Iterator for FileFrames {
+    type Item = Result<ModelFrame>;
+
+    fn next(&mut self) -> Option<Result<ModelFrame>> {
+        match self {
+            FileFrames::Model(frames) => frames.next(),
+            FileFrames::Recording(recorded) => recorded.next(),
+            FileFrames::Scene(frame) => frame.take().map(Ok),
+        }
+    }
+}
 
 /// Opens a model file or a recording.
 pub fn open(path: &Path, options: &ReadOptions) -> Result<FileFrames> {
     if is_mcap(path) && is_recording(path)? {
-        return Ok(Box::new(Recorded::open(path)?));
+        return Ok(FileFrames::Recording(Box::new(Recorded::open(path)?)));
     }
-    Ok(Box::new(Frames::open(path, options)?))
+    Ok(FileFrames::Model(Frames::open(path, options)?))
 }
 
 /// Same as [`open`]; an argument that is no file is a scene of one frame.
@@ -266,7 +290,7 @@ pub fn open_or_build(argument: &Path, options: &ReadOptions) -> Result<FileFrame
     match open(argument, options) {
         Err(Error::UnknownModel { .. }) if !argument.exists() => {
             let frame = ModelFrame::new(0, Ok(scene(argument)?));
-            Ok(Box::new(std::iter::once(Ok(frame))))
+            Ok(FileFrames::Scene(Some(frame)))
         }
         frames => frames,
     }

@@ -15,8 +15,9 @@ pub struct Part {
     pub number: u32,
     /// Path without this number, by which the files of one run are known.
     pub run: PathBuf,
-    /// True if frames are left out on purpose.
-    pub leaves_out: bool,
+    /// True if it has a window of frames around each violation. Then only the number of verdicts
+    /// tells which frames are left out.
+    pub has_window: bool,
 }
 
 /// Returns which file of a recorded run this is. `None` if it cannot be read as a recording.
@@ -29,11 +30,10 @@ pub fn part(path: &Path) -> Option<Part> {
     let number = number.map_or(Some(1), |number| number.parse().ok())?;
     let stem = path.file_stem()?.to_string_lossy();
     let run = stem.strip_suffix(&format!("-part{number}"));
-    let on_purpose = [Retention::EVERY, Retention::WINDOW];
     Some(Part {
         number,
         run: path.with_file_name(run.unwrap_or(&stem)),
-        leaves_out: on_purpose.iter().any(|key| metadata.contains_key(*key)),
+        has_window: metadata.contains_key(Retention::WINDOW),
     })
 }
 
@@ -53,7 +53,7 @@ pub struct Recorded {
     /// True if a frame was read that was not rejected.
     begun: bool,
     /// True if frames before the next one were skipped.
-    after_gap: bool,
+    pub after_gap: bool,
     /// Number of frames whose curves were skipped on purpose.
     absent: u64,
     /// Number of frames that the recorder dropped.

@@ -27,6 +27,8 @@ pub struct Sequence {
     current: Option<File>,
     /// The last file, if it is a recording.
     part: Option<recorded::Part>,
+    /// True if frames after the last one are not in its file.
+    pub ends_in_gap: bool,
     /// Elements that were not read of the current file.
     left_out: Vec<LeftOut>,
     /// Number of the next frame, if the file gives it none.
@@ -41,6 +43,8 @@ pub struct Sequence {
 /// A file that is being read.
 struct File {
     path: PathBuf,
+    /// Frames that were read ahead.
+    ahead: VecDeque<Result<ModelFrame>>,
     frames: FileFrames,
     /// True until its first frame was taken, if that begins a run.
     begins_run: bool,
@@ -91,7 +95,7 @@ impl Sequence {
     fn open(&mut self, path: PathBuf) -> Result<File> {
         let mut frames = input::open(&path, &self.options)?;
         let most_ahead = if self.single { 0 } else { 2 };
-        let ahead: Vec<_> = frames.by_ref().take(most_ahead).collect();
+        let ahead: VecDeque<_> = frames.by_ref().take(most_ahead).collect();
         let has_several = ahead.len() > 1;
         let part = input::is_mcap(&path).then(|| recorded::part(&path));
         let part = part.flatten();
@@ -105,7 +109,7 @@ impl Sequence {
             let gap = ["gap between files of a run", "gaps between files of a run"];
             lacks_files = (!is_next).then_some(gap);
             // Frames between these two may have been skipped.
-            after_gap = !is_next || part.leaves_out;
+            after_gap = !is_next || self.ends_in_gap;
         } else if part.as_ref().is_some_and(|part| part.number > 1) {
             lacks_files = Some([
                 "run without its first file",
@@ -113,11 +117,13 @@ impl Sequence {
             ]);
         }
         self.part = part;
+        self.ends_in_gap = false;
         let begins_run = has_several && self.had_several && !self.one_motion && !is_next;
         self.had_several |= has_several;
         Ok(File {
             path,
-            frames: Box::new(ahead.into_iter().chain(frames)),
+            ahead,
+            frames,
             begins_run,
             after_gap,
             lacks_files,
@@ -130,10 +136,12 @@ impl Sequence {
         loop {
             if let Some(file) = &mut self.current {
                 let begins_run = std::mem::take(&mut file.begins_run);
-                if let Some(frame) = file.frames.next() {
+                if let Some(frame) = file.ahead.pop_front().or_else(|| file.frames.next()) {
                     let with_path = |frame| (file.path.clone(), frame);
                     return Some((begins_run, frame.map(with_path)));
                 }
+                let has_window = self.part.as_ref().is_some_and(|part| part.has_window);
+                self.ends_in_gap = has_window || file.frames.ends_in_gap();
                 self.current = None;
             }
             let path = self.files.pop_front()?;

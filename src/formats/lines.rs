@@ -67,10 +67,14 @@ impl<'a> Lines<'a> {
 
     /// Appends the next line; false at the end of the file.
     pub fn append(&mut self) -> Result<bool> {
+        let start = self.line.len();
         let mut input = (&mut self.input).take(self.longest.min(self.left));
         let read = input.read_until(b'\n', &mut self.line)?;
         self.left -= read as u64;
         self.number += 1;
+        if self.line[start..].contains(&0) {
+            return Err(self.bad("a byte is 0, so the file is damaged, or no text"));
+        }
         if self.line.last() == Some(&b'\n') {
             self.line.pop();
         } else if read as u64 == self.longest {

@@ -123,6 +123,18 @@ pub(super) struct Verdicts {
     pub unsettled: Option<NamedFinding>,
 }
 
+impl Verdicts {
+    fn add(&mut self, verdict: Verdict, found: impl Fn() -> NamedFinding) {
+        self.counts[verdict as usize] += 1;
+        if verdict == Verdict::Changed {
+            self.changed.get_or_insert_with(&found);
+        }
+        if verdict != Verdict::Intact {
+            self.unsettled.get_or_insert_with(&found);
+        }
+    }
+}
+
 /// Facts of a run.
 #[derive(Debug, Default)]
 pub(super) struct Facts {
@@ -273,6 +285,8 @@ struct Collector {
     rejected: u64,
     /// Lasting verdicts before the current violation.
     before_violation: Option<Verdicts>,
+    /// Frames since then of which a part was not verified. A rollback does not settle them.
+    in_part: Verdicts,
     missing: MissingFrames,
 }
 
@@ -342,10 +356,16 @@ impl Collector {
             && let Some(before) = self.before_violation.take()
         {
             facts.lasting = before;
+            if ended[0] != counts.recovered {
+                let of_kind = Verdict::Undecided as usize;
+                facts.lasting.counts[of_kind] += self.in_part.counts[of_kind];
+                let first = self.in_part.unsettled.take();
+                facts.lasting.unsettled = facts.lasting.unsettled.take().or(first);
+            }
         }
-        if report.abort || report.verdict == Verdict::Changed {
-            let lasting = || facts.lasting.clone();
-            self.before_violation.get_or_insert_with(lasting);
+        if self.before_violation.is_none() && (report.abort || report.verdict == Verdict::Changed) {
+            self.before_violation = Some(facts.lasting.clone());
+            self.in_part = Verdicts::default();
         }
         if report.verdict == Verdict::Rejected {
             counts.rejected += 1;
@@ -397,13 +417,10 @@ impl Collector {
         }
         let found = || found(report, names);
         for verdicts in [&mut facts.verdicts, &mut facts.lasting] {
-            verdicts.counts[report.verdict as usize] += 1;
-            if report.verdict == Verdict::Changed {
-                verdicts.changed.get_or_insert_with(found);
-            }
-            if report.verdict != Verdict::Intact {
-                verdicts.unsettled.get_or_insert_with(found);
-            }
+            verdicts.add(report.verdict, found);
+        }
+        if !report.missing.is_empty() {
+            self.in_part.add(Verdict::Undecided, found);
         }
         let Some(clearance) = &report.clearance else {
             return;

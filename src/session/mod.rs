@@ -20,7 +20,7 @@ use self::closings::Closings;
 use self::coordinates::Coordinates;
 use self::strands::Strands;
 use crate::certificate::Certificate;
-use crate::curve::{Cell, CurveChange, CurveSet};
+use crate::curve::{Cell, CurveChange, CurveSet, Precision};
 use crate::discretize::Braids;
 use crate::engine::{Engine, Next as NextFrame, Progress, SessionOptions, Timings};
 use crate::error::{Error, Result};
@@ -76,8 +76,6 @@ pub struct Session {
     /// Information of the simulator about the last verified frame, with the cell in which findings
     /// name images.
     last: Option<FrameInfo>,
-    /// Curves of that frame as they were given. `None` if the session resumed after that frame.
-    given: Option<Arc<CurveSet>>,
     next: Next,
     strands: Strands,
     /// Hashes of the names of curves that disappeared since the first or the last accepted frame.
@@ -120,7 +118,6 @@ impl Session {
             coordinates: Coordinates::default(),
             pool: Default::default(),
             last: None,
-            given: None,
             next: Next::ByInfo,
             strands: Strands::default(),
             gone: BTreeSet::new(),
@@ -395,9 +392,16 @@ impl Session {
     /// Returns an error if the curves of a received frame differ from those of the last verified
     /// frame with the same layout number.
     fn check_layout(&self, info: &FrameInfo, set: &CurveSet) -> Result<()> {
-        match (self.last(), &self.given) {
-            (Some(last), Some(given)) if last.layout == info.layout => given.check_same_layout(set),
-            _ => Ok(()),
+        let is_same = self.last().is_some_and(|last| last.layout == info.layout);
+        let Some((before, cell)) = self.coordinates.last.as_ref().filter(|_| is_same) else {
+            return Ok(());
+        };
+        let [of_last, now] = [before, set].map(|set| set.precision());
+        let is_widened = cell.is_some() || self.options.wrapped == Some(true);
+        match is_widened && (of_last, now) == (Precision::F64, Precision::F32) {
+            // Curves that are moved to other images have double precision.
+            true => before.check_layout(set.basis(), of_last, set.counts()),
+            false => before.check_same_layout(set),
         }
     }
 
@@ -507,7 +511,6 @@ impl Session {
         report.clearance = self.strands.measure(&self.options, info, &set);
         report.abort = self.engine.aborts(&report);
         self.last = Some(info.clone());
-        self.given = Some(Arc::clone(&given));
         // Curves that jumped are recorded as given, and their translations separately.
         let unwrapped = self.options.wrapped == Some(true);
         Ok((report, if unwrapped { set } else { given }))

@@ -126,7 +126,6 @@ impl Session {
         session.closings =
             Closings::decided(session.options.keep_open, info.layout, verified.closings);
         session.coordinates.state = verified.coordinates;
-        session.given = Some(Arc::clone(&curves));
         session.coordinates.last = Some((curves, info.cell));
         session.strands = Strands::resumed(&session.options, &info, verified.strands);
         session.gone = verified.gone;

@@ -182,3 +182,22 @@ def test_other_curves_without_names_are_rejected_in_every_chunk():
         for chunk in (2, 3, 4):
             found = linkwatch.check(frames, events="off", client=client, chunk=chunk)
             assert tables(found) == alone, chunk
+
+
+def test_chunks_of_single_precision_continue_after_a_jump_in_a_cell():
+    """Regression test: every frame after the first chunk was rejected, and the change was lost."""
+    ring = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    other = np.array([[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]])
+    cell = np.array([[10, 0, 0], [0, 10, 0], [0, 0, 10], [0, 0, 0.0]])
+    for jump, wrapped in ((10, None), (0, True), (0, None)):
+        curves = [(ring + [jump * (k > 1), 0, 0], other + [0.3 * k, 0, 0]) for k in range(8)]
+        frames = [
+            Frame(np.float32(np.concatenate(both)), [-4, -4], cell=cell, seq=k)
+            for k, both in enumerate(curves)
+        ]
+        alone = linkwatch.check(frames, wrapped=wrapped)
+        assert alone.verdict == "changed"
+        with ThreadPoolExecutor(2) as client:
+            for chunk in (1, 3):
+                found = linkwatch.check(frames, wrapped=wrapped, client=client, chunk=chunk)
+                assert found.frames == alone.frames

@@ -130,3 +130,30 @@ def test_a_conversion_of_curves_that_come_and_go_writes_further_archives(tmp_pat
     ]
     code, _, err = run("convert", path, tmp_path / "out.npz", "--json")
     assert code == 2 and "exists" in err
+
+
+def test_a_curve_that_returns_during_a_violation_is_not_settled_by_a_rollback(tmp_path):
+    """Regression test: the link was lost while the curve was gone, and the run had recovered."""
+    ring = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+    other = np.array([[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]], float)
+    frames = []
+    for k in range(8):
+        curves = {"a": ring, "b": other + [1.3 * (k > 1), 0, 0.01 * k], "c": ring + [0, 0, 9]}
+        if k in (3, 4):
+            del curves["b"]
+        frames.append(
+            linkwatch.io.Frame(
+                np.concatenate([*curves.values()]),
+                [-4] * len(curves),
+                names=[*curves],
+                seq=k,
+                cuts=int(k > 5),
+            )
+        )
+    archives = linkwatch.write(frames, tmp_path / "run.npz")
+    path = tmp_path / "run.mcap"
+    code, out, _ = run("check", "--one-motion", *archives, "--record", path)
+    assert code == 3 and "what became of curve b while it was gone" in out
+    for command in (["check"], ["replay"], ["report", "-o", tmp_path / "run.html"]):
+        code, out, err = run(command[0], path, *command[1:])
+        assert code == 3 and "recovered" not in err.splitlines()[-1:], (command, out, err)

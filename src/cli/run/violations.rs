@@ -22,6 +22,9 @@ struct Violation {
     count: u32,
     /// True if the simulator cut the motion after the last frame with a finding.
     cut: bool,
+    /// True if a part of a frame was not verified: the linking numbers of a curve that returned,
+    /// for example, which are expected from then on, even if the simulator rolls back.
+    lacks_parts: bool,
 }
 
 /// Outcome of a run so far.
@@ -47,7 +50,11 @@ impl Violations {
         if let Some(violation) = ended.as_ref().filter(|v| v.worst > Outcome::Fine) {
             match step {
                 Continuation::Accepted => self.accepted += violation.count,
-                _ => self.recovered += violation.count,
+                _ => {
+                    self.recovered += violation.count;
+                    let outcome = Outcome::undecided_if(violation.lacks_parts);
+                    self.others = self.others.max(outcome);
+                }
             }
         }
         let outcome = Outcome::of(report.verdict);
@@ -72,9 +79,13 @@ impl Violations {
                     worst: outcome,
                     count: 1,
                     cut: false,
+                    lacks_parts: false,
                 });
             }
             None => self.others = self.others.max(outcome),
+        }
+        if let Some(violation) = &mut self.current {
+            violation.lacks_parts |= !report.missing.is_empty();
         }
         ended.is_some()
     }
@@ -165,6 +176,28 @@ mod tests {
             assert_eq!(violations.outcome(), outcome, "{frames:?}");
             let found = [violations.recovered, violations.accepted];
             assert_eq!(found, counts, "{frames:?}");
+        }
+    }
+
+    /// Regression test: a link was lost while its curve was gone, and the run had recovered.
+    #[test]
+    fn a_rollback_does_not_settle_what_was_not_verified() {
+        let cases = [(true, Outcome::Undecided), (false, Outcome::Fine)];
+        for (returns, outcome) in cases {
+            let mut violations = Violations::default();
+            let mut report = Report::new(0, 0.0, Verdict::Changed);
+            report.abort = true;
+            violations.add(&report, Continuation::Continues);
+            let mut report = Report::new(1, 0.0, Verdict::Undecided);
+            report
+                .missing
+                .extend(returns.then(|| "what became of curve b".into()));
+            violations.add(&report, Continuation::Continues);
+            let mut report = Report::new(2, 0.0, Verdict::Intact);
+            report.last_intact = Some(2);
+            assert!(violations.add(&report, Continuation::Cut));
+            assert_eq!(violations.outcome(), outcome);
+            assert_eq!(violations.recovered, 1);
         }
     }
 }

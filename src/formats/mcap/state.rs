@@ -74,6 +74,9 @@ pub(super) struct State {
     entities: HashMap<String, Shown>,
     /// Number of entities that appeared so far.
     appeared: u64,
+    /// For each entity that had lines so far, true if it had several at first. Then their names
+    /// have numbers; otherwise the first line keeps the name of the entity when more are added.
+    numbered: HashMap<String, bool>,
     /// First curve of the file, and its coordinate system.
     frame_id: Option<(String, String)>,
     /// Names that were changed since the frame began.
@@ -125,6 +128,8 @@ impl State {
                     self.seen.extend(others.map(|(kind, _)| kind[1]));
                     if !entity.strips.is_empty() {
                         self.check_frame_id(&name, &entity.frame_id)?;
+                        let several = entity.strips.len() > 1;
+                        self.numbered.entry(name.clone()).or_insert(several);
                     }
                     let order = self.entities.get(&name).map(|before| before.order);
                     let order = order.unwrap_or_else(|| {
@@ -193,9 +198,9 @@ impl State {
         }
         let set = set.finish()?;
         let names = entities.iter().flat_map(|(name, e)| {
-            (0..e.strips.len()).map(move |k| match e.strips.len() {
-                1 => (*name).clone(),
-                _ => format!("{name}/{k}"),
+            (0..e.strips.len()).map(move |k| match k == 0 && !self.numbered[*name] {
+                true => (*name).clone(),
+                false => format!("{name}/{k}"),
             })
         });
         let labels = CurveLabels::named(names);

@@ -228,6 +228,30 @@ fn messages_add_replace_and_delete() {
     assert!(state.is_empty());
 }
 
+/// Regression test: a curve that split, or got a second one beside it, was gone under its name, and
+/// nothing told what became of it.
+#[test]
+fn the_first_line_of_an_entity_keeps_its_name() {
+    let with_lines = |name: &str, number: usize| {
+        let Change::Put(name, mut entity) = put(name, 0, 1.0) else {
+            panic!();
+        };
+        entity.strips = vec![entity.strips[0].clone(); number];
+        update(vec![Change::Put(name, entity)])
+    };
+    let mut state = State::default();
+    state.begin(0);
+    for (name, number) in [("a", 1), ("b", 2), ("a", 2), ("b", 1), ("c", 0), ("c", 1)] {
+        state.apply(with_lines(name, number)).unwrap();
+    }
+    assert_eq!(names(&state), ["a", "a/1", "b/0", "c"]);
+    state
+        .apply(update(vec![Change::Delete("a".into())]))
+        .unwrap();
+    state.apply(with_lines("a", 3)).unwrap();
+    assert_eq!(names(&state), ["b/0", "c", "a", "a/1", "a/2"]);
+}
+
 #[test]
 fn rejects_two_coordinate_systems_and_names_that_are_not_unique() {
     let mut state = State::default();

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from . import UnverifiedWarning, _decided, _linkwatch, ribbon
 from . import _arguments as arguments
-from . import _decided, _linkwatch, ribbon
-from ._run import frames_of
+from ._run import frames_of, plural
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -24,11 +25,13 @@ if TYPE_CHECKING:
 def _series(
     frames: Any, described: dict[str, Any], measure: Callable[[Frame], Any], decide: bool = True
 ) -> Array:
-    """Returns a quantity of all frames, which is NaN in those that are invalid.
+    """Returns a quantity of all frames, which is NaN in those that are invalid or, with a warning,
+    refused after others were not.
 
     The quantity does not depend on which curves are closed unless ``decide`` is true.
     """
     found: list[Any] = []
+    refused: list[tuple[int, ValueError]] = []
     decided: dict[tuple[int, ...], list[int]] = {}
     source = frames_of(frames, **described)
     for frame in source:
@@ -45,7 +48,18 @@ def _series(
                 decided[sizes] = counts
             if frame.closed_by_default:
                 given = given[0], decided.get(sizes, given[1]), *given[2:]
-        found.append(np.asarray(measure(given), np.float64))
+        try:
+            found.append(np.asarray(measure(given), np.float64))
+        except ValueError as why:
+            if all(one is None for one in found):
+                raise  # An option may be wrong.
+            refused.append((frame.seq, why))
+            found.append(None)
+    if refused:
+        seq, why = refused[0]
+        others = plural(len(refused) - 1, "other frame", "other frames")
+        what = f"frame {seq} has no value: {why}" + f" (nor {others})" * (len(refused) > 1)
+        warnings.warn(what, UnverifiedWarning, stacklevel=3)
     shapes = {one.shape for one in found if one is not None}
     if len(shapes) > 1:
         raise ValueError(f"the number of curves changes: arrays of the shapes {sorted(shapes)}")

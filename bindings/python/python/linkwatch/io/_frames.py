@@ -93,6 +93,8 @@ class Summary:
     time_unit: str = ""
     #: Number of the file among those of a recorded run.
     part: int | None = None
+    #: True if frames after the last one are not in the recording.
+    ends_in_gap: bool = False
 
     def __str__(self) -> str:
         curves = "1 curve" if self.curves == 1 else f"{self.curves} curves"

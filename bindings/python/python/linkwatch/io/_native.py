@@ -57,9 +57,13 @@ def _chained(parts: list[Frames]) -> Frames:
     steps = zip(numbers, numbers[1:])
     follows = [last == 0 or part in (0, 1, last + 1) for last, part in steps]
     follows.insert(0, numbers[0] in (0, 1))
-    for part, is_next in zip(parts, follows):
+    ends = [False, *(part.summary.ends_in_gap for part in parts)]
+    cuts_before = [gap or not is_next for gap, is_next in zip(ends, follows)]
+    for part, is_next, is_cut in zip(parts, follows, cuts_before):
         if not is_next:
             part.summary.left_out.append(f"files of the run before {part.path.name}")
+        elif is_cut:
+            part.summary.left_out.append(f"frames of the recording before {part.path.name}")
     summary = parts[0].summary
     for said in ("left_out", "notes"):
         every = [one for part in parts for one in getattr(part.summary, said)]
@@ -67,14 +71,14 @@ def _chained(parts: list[Frames]) -> Frames:
 
     def load() -> Iterator[Frame]:
         last, cuts, cuts_in_file = -1, 0, 0
-        for part, is_next in zip(parts, follows):
+        for part, is_after_cut in zip(parts, cuts_before):
             shift = 0
             for k, frame in enumerate(part):
                 shift = max(0, last + 1 - frame.seq) if k == 0 else shift
                 last = frame.seq + shift
                 # A file either counts on from the one before it, or from 0.
                 is_cut = frame.cuts > cuts_in_file if k == 0 else frame.cuts != cuts_in_file
-                cuts += is_cut or k == 0 and not is_next
+                cuts += is_cut or k == 0 and is_after_cut
                 cuts_in_file = frame.cuts
                 yield dataclasses.replace(frame, seq=last, cuts=cuts)
 
@@ -102,7 +106,7 @@ def _converted(words: list[str], paths: Sequence[Path], is_alone: bool = True) -
         archives = [_Archive(Path(path)) for path in result["files"]]
         frames = _opened(archives, paths[0], result["invalid_frames"])
     summary = frames.summary
-    summary.part = result["part"]
+    summary.part, summary.ends_in_gap = result["part"], result["ends_in_gap"]
     summary.left_out += [
         f"{found['count']} {found['kind']} (the first one: {found['first']})"
         for found in result["left_out"]
