@@ -157,3 +157,36 @@ def test_a_curve_that_returns_during_a_violation_is_not_settled_by_a_rollback(tm
     for command in (["check"], ["replay"], ["report", "-o", tmp_path / "run.html"]):
         code, out, err = run(command[0], path, *command[1:])
         assert code == 3 and "recovered" not in err.splitlines()[-1:], (command, out, err)
+
+
+def test_the_step_to_the_next_file_of_a_recording_is_searched(tmp_path):
+    """Regression test: with `every=`, each of these steps counted as a gap, and Python searched
+    also steps over frames that were left out."""
+    ring = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+    other = np.array([[0.9, 0.5, -0.3], [0.9, 0.5, 0.3], [0.7, 0.9, 0.3], [0.7, 0.9, -0.3]])
+    # Long, so that each file has one frame.
+    steps = np.random.default_rng(1).normal(size=(24_000, 3))
+    long = np.cumsum(1e-5 * steps, 0) + 40
+    frames = [
+        linkwatch.io.Frame(
+            np.concatenate([ring, other + np.multiply([0.2, 0.6, 0], k > 3), long]),
+            [-4, -4, -24_000],
+            seq=k,
+        )
+        for k in range(8)
+    ]
+    (path,) = linkwatch.write(frames, tmp_path / "run.npz")
+    options = ["--events", "--motion-limit=10"]
+    kept = tmp_path / "kept.mcap"
+    assert run("check", path, *options, "--record", f"{kept},every=2,max=1MB")[0] == 1
+    files = [kept, *(tmp_path / f"kept-part{k}.mcap" for k in range(2, 6))]
+    assert [[frame.seq for frame in linkwatch.read(file)] for file in files] == [
+        [0], [2], [3], [4], [6]
+    ]
+    code, out, _ = run("check", *files, *options)
+    assert code == 1 and "not verified: pull-throughs in 2 gaps of the recording" in out
+    found = linkwatch.check(files, one_motion=True, motion_limit=10)
+    assert found.verdict == "changed" and [row["frame"] for row in found.pull_throughs] == [4, 4]
+    assert found.left_out == [
+        f"frames of the recording before kept-part{k}.mcap" for k in (2, 5)
+    ]
