@@ -183,7 +183,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             }
         }
     }
-    if failed.is_some() {
+    if failed.is_some() || frames.continues {
         run.data_lost();
     }
     let outcome = run.finish();

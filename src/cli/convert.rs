@@ -122,9 +122,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
     }
     converter.check_frames()?;
-    converter.ends_in_gap = sequence.ends_in_gap;
+    (converter.ends_in_gap, converter.continues) = (sequence.ends_in_gap, sequence.continues);
     converter.print(&args.output, numbered, json);
     let lost = !converter.invalid.is_empty() || !converter.left_out.is_empty();
+    let lost = lost || converter.continues;
     Ok(Outcome::undecided_if(lost || converter.undecided))
 }
 
@@ -175,6 +176,8 @@ struct Converter {
     gaps: u32,
     /// True if frames after the last one are not in the recording.
     ends_in_gap: bool,
+    /// True if the recorded run continues after the last file.
+    continues: bool,
     /// Number of frames whose cell the output cannot hold.
     lost_cells: u64,
     /// Number of cuts up to the last frame.
@@ -356,6 +359,7 @@ impl Converter {
                 "lost_cuts": self.lost_cuts,
                 "part": self.part,
                 "ends_in_gap": self.ends_in_gap,
+                "continues": self.continues,
                 "points": after,
                 "points_before": before,
             }));

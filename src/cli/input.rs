@@ -263,6 +263,14 @@ impl FileFrames {
     pub fn ends_in_gap(&self) -> bool {
         matches!(self, FileFrames::Recording(recorded) if recorded.after_gap)
     }
+
+    /// Returns the name of the file in which a recorded run continues, once all frames were read.
+    pub fn continues_in(&self) -> Option<&str> {
+        match self {
+            FileFrames::Recording(recorded) => recorded.continues_in.as_deref(),
+            _ => None,
+        }
+    }
 }
 
 impl Iterator for FileFrames {

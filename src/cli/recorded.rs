@@ -54,6 +54,8 @@ pub struct Recorded {
     begun: bool,
     /// True if frames before the next one were skipped.
     pub after_gap: bool,
+    /// Name of the file in which the run continues, once the end was read.
+    pub continues_in: Option<String>,
     /// Number of frames whose curves were skipped on purpose.
     absent: u64,
     /// Number of frames that the recorder dropped.
@@ -110,9 +112,7 @@ impl Recorded {
                 plural(self.absent, "frame"),
             );
         }
-        if let Some(next) = reader.metadata().get(CONTINUED) {
-            tracing::info!("{}: the run continues in {next}", path.display());
-        }
+        self.continues_in = reader.metadata().get(CONTINUED).cloned();
         let cut_off = reader.metadata().get(CUT_OFF);
         let why = match (reader.ending(), cut_off) {
             (Some(Ending::Cut { at, what }), _) => usage!(

@@ -29,6 +29,8 @@ pub struct Sequence {
     part: Option<recorded::Part>,
     /// True if frames after the last one are not in its file.
     pub ends_in_gap: bool,
+    /// True if a recorded run continues after the last file.
+    pub continues: bool,
     /// Elements that were not read of the current file.
     left_out: Vec<LeftOut>,
     /// Number of the next frame, if the file gives it none.
@@ -142,6 +144,11 @@ impl Sequence {
                 }
                 let has_window = self.part.as_ref().is_some_and(|part| part.has_window);
                 self.ends_in_gap = has_window || file.frames.ends_in_gap();
+                if let (true, Some(next)) = (self.files.is_empty(), file.frames.continues_in()) {
+                    let path = file.path.display();
+                    tracing::warn!("{path}: the run continues in {next}, which was not given");
+                    self.continues = true;
+                }
                 self.current = None;
             }
             let path = self.files.pop_front()?;

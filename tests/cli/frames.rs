@@ -262,6 +262,11 @@ fn a_missing_file_of_a_recorded_run_is_a_gap() {
         let missing = "1 run without its first file";
         assert!(run.stderr.contains(missing), "{}", run.stderr);
     }
+    // Regression test: the last file was missing, and the run intact.
+    let run = linkwatch(&["check", text(&recording), text(&second)]);
+    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+    let missing = "the run continues in run-part3.mcap, which was not given";
+    assert!(run.stderr.contains(missing), "{}", run.stderr);
     // Nothing said that there are more files.
     let says = "the run continues in run-part2.mcap";
     let run = linkwatch(&["replay", text(&recording)]);

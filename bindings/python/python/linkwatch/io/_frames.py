@@ -95,6 +95,8 @@ class Summary:
     part: int | None = None
     #: True if frames after the last one are not in the recording.
     ends_in_gap: bool = False
+    #: True if the recorded run continues in a file that was not given.
+    continues: bool = False
 
     def __str__(self) -> str:
         curves = "1 curve" if self.curves == 1 else f"{self.curves} curves"

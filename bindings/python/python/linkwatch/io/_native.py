@@ -64,6 +64,8 @@ def _chained(parts: list[Frames]) -> Frames:
             part.summary.left_out.append(f"files of the run before {part.path.name}")
         elif is_cut:
             part.summary.left_out.append(f"frames of the recording before {part.path.name}")
+    if parts[-1].summary.continues:
+        parts[-1].summary.left_out.append(f"files of the run after {parts[-1].path.name}")
     summary = parts[0].summary
     for said in ("left_out", "notes"):
         every = [one for part in parts for one in getattr(part.summary, said)]
@@ -107,11 +109,14 @@ def _converted(words: list[str], paths: Sequence[Path], is_alone: bool = True) -
         frames = _opened(archives, paths[0], result["invalid_frames"])
     summary = frames.summary
     summary.part, summary.ends_in_gap = result["part"], result["ends_in_gap"]
+    summary.continues = result["continues"]
     summary.left_out += [
         f"{found['count']} {found['kind']} (the first one: {found['first']})"
         for found in result["left_out"]
         if is_alone or found["kind"] != LATER_FILES
     ]
+    if is_alone and summary.continues:
+        summary.left_out.append(f"files of the run after {paths[-1].name}")
     for level, *rest in filter(None, said):
         # Invalid frames are errors, and rejected when they are read.
         if level != "ERROR" and "not read, so not verified" not in rest[0]:
