@@ -9,7 +9,8 @@ import numpy as np
 
 from . import UnverifiedWarning, _decided, _linkwatch, ribbon
 from . import _arguments as arguments
-from ._run import frames_of, plural
+from ._run import frames_of
+from .io._curves import plural
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,7 +32,7 @@ def _series(
     The quantity does not depend on which curves are closed unless ``decide`` is true.
     """
     found: list[Any] = []
-    refused: list[tuple[int, ValueError]] = []
+    refused: list[str] = []
     decided: dict[tuple[int, ...], list[int]] = {}
     source = frames_of(frames, **described)
     for frame in source:
@@ -53,12 +54,11 @@ def _series(
         except ValueError as why:
             if all(one is None for one in found):
                 raise  # An option may be wrong.
-            refused.append((frame.seq, why))
+            refused.append(f"frame {frame.seq} has no value: {why}")
             found.append(None)
     if refused:
-        seq, why = refused[0]
         others = plural(len(refused) - 1, "other frame", "other frames")
-        what = f"frame {seq} has no value: {why}" + f" (nor {others})" * (len(refused) > 1)
+        what = refused[0] + f" (nor {others})" * (len(refused) > 1)
         warnings.warn(what, UnverifiedWarning, stacklevel=3)
     shapes = {one.shape for one in found if one is not None}
     if len(shapes) > 1:
