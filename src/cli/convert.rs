@@ -118,7 +118,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             }
             let number = converter.files.len() + 1;
             path = with_suffix(&args.output, &number.to_string());
-            files.writes("OUT", [&path], content)?;
+            let before = args.output.display();
+            files
+                .writes("OUT", [&path], content)
+                .map_err(|e| usage!("{e} ({before} has the frames before)"))?;
         }
     }
     converter.check_frames()?;
@@ -172,8 +175,8 @@ struct Converter {
     counted: usize,
     /// Elements of the files that were not read.
     left_out: Vec<LeftOut>,
-    /// Number of gaps in a recording so far, which are cuts in the output.
-    gaps: u32,
+    /// Gaps in a recording so far, which are cuts in the output.
+    gaps: Vec<LeftOut>,
     /// True if frames after the last one are not in the recording.
     ends_in_gap: bool,
     /// True if the recorded run continues after the last file.
@@ -224,12 +227,13 @@ impl Converter {
                 continue;
             }
             let mut info = frame.info;
-            self.gaps += u32::from(frame.after_gap);
-            info.cuts = info.cuts.wrapping_add(self.gaps);
             if frame.after_gap {
                 let kind = ["gap in a recording", "gaps in a recording"];
-                info.left_out.push(LeftOut::new(1, kind, &frame.name));
+                LeftOut::add(&mut self.gaps, kind, || frame.name.clone());
             }
+            let gaps: u64 = self.gaps.iter().map(|gap| gap.count).sum();
+            info.cuts = info.cuts.wrapping_add(gaps as u32);
+            info.left_out.extend_from_slice(&self.gaps);
             LeftOut::merge(&mut self.left_out, &info.left_out);
             let is_cut = self.cuts.replace(info.cuts).is_some_and(|n| n != info.cuts);
             if is_cut && !self.target.is_none_or(Format::holds_cuts) {

@@ -255,7 +255,7 @@ pub enum FileFrames {
     Model(Frames),
     Recording(Box<Recorded>),
     /// A generated scene, or what is left of it.
-    Scene(Option<ModelFrame>),
+    Scene(Option<Box<ModelFrame>>),
 }
 
 impl FileFrames {
@@ -280,7 +280,7 @@ impl Iterator for FileFrames {
         match self {
             FileFrames::Model(frames) => frames.next(),
             FileFrames::Recording(recorded) => recorded.next(),
-            FileFrames::Scene(frame) => frame.take().map(Ok),
+            FileFrames::Scene(frame) => frame.take().map(|frame| Ok(*frame)),
         }
     }
 }
@@ -298,7 +298,7 @@ pub fn open_or_build(argument: &Path, options: &ReadOptions) -> Result<FileFrame
     match open(argument, options) {
         Err(Error::UnknownModel { .. }) if !argument.exists() => {
             let frame = ModelFrame::new(0, Ok(scene(argument)?));
-            Ok(FileFrames::Scene(Some(frame)))
+            Ok(FileFrames::Scene(Some(Box::new(frame))))
         }
         frames => frames,
     }

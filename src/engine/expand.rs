@@ -22,12 +22,13 @@ impl Engine {
             return Ok(Vec::new());
         };
         if self.options.braids.is_some() {
-            let what = "curves appeared or are gone, but braids need the same curves in all frames";
+            let what = "curves appeared, are gone or have another order, but braids need the same \
+                        curves in all frames";
             return Err(Error::Braid(what.into()));
         }
         if next.cell.is_some() {
-            let what = "curves appeared or are gone, but a periodic scene needs the same curves in \
-                        all frames";
+            let what = "curves appeared, are gone or have another order, but a periodic scene \
+                        needs the same curves in all frames";
             return Err(Error::Usage(what.into()));
         }
         let origins = &change.origins;

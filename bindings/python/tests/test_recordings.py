@@ -157,6 +157,8 @@ def test_a_curve_that_returns_during_a_violation_is_not_settled_by_a_rollback(tm
     for command in (["check"], ["replay"], ["report", "-o", tmp_path / "run.html"]):
         code, out, err = run(command[0], path, *command[1:])
         assert code == 3 and "recovered" not in err.splitlines()[-1:], (command, out, err)
+    # Regression test: a replay that begins with the undecided frame was intact.
+    assert [run("replay", path, "--from", str(k))[0] for k in (5, 6)] == [3, 0]
 
 
 def test_the_step_to_the_next_file_of_a_recording_is_searched(tmp_path):

@@ -292,8 +292,8 @@ impl Replay<'_> {
         // The watch of a restarted process has the last frame of the one before in its state.
         let is_first = self.comparison.recorded - self.comparison.rejected == 1;
         let continues = is_first && self.begin.is_some_and(|baseline| baseline < report.seq);
-        let after_gap =
-            last.is_some() && std::mem::take(&mut self.left_out) || gap.frames > 0 || continues;
+        let skipped = last.is_some() && std::mem::take(&mut self.left_out);
+        let after_gap = skipped || gap.frames > 0 || continues;
         let restarted = last.is_some() && std::mem::take(&mut self.restarted);
         let thinned = last.is_some() && std::mem::take(&mut self.thinned);
         if restarted && self.run.tally.verified > 1 {
@@ -317,8 +317,8 @@ impl Replay<'_> {
             Some(_) if !self.comparison.differing.is_empty() => {}
             Some(found) if !report.missing.is_empty() => {
                 self.comparison.incomplete += 1;
-                // The first frame was compared with one that is not in the recording.
-                if !is_first {
+                // The first frame of a recording was compared with one that is not in it.
+                if !is_first || skipped {
                     self.note_worse(&found, &report);
                 }
             }
