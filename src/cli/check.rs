@@ -183,7 +183,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             }
         }
     }
-    if failed.is_some() || frames.continues {
+    if frames.warn_of_unfinished() || failed.is_some() {
         run.data_lost();
     }
     let outcome = run.finish();

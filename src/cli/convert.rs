@@ -118,18 +118,28 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             }
             let number = converter.files.len() + 1;
             path = with_suffix(&args.output, &number.to_string());
-            let before = args.output.display();
-            files
-                .writes("OUT", [&path], content)
-                .map_err(|e| usage!("{e} ({before} has the frames before)"))?;
+            files.writes("OUT", [&path], content).map_err(|e| {
+                let before = quoted(&converter.files);
+                usage!("{e}; the frames before that file are in {before}")
+            })?;
         }
     }
     converter.check_frames()?;
-    (converter.ends_in_gap, converter.continues) = (sequence.ends_in_gap, sequence.continues);
+    converter.ends_in_gap = sequence.ends_in_gap();
+    converter.continues = args.frame.is_none() && sequence.warn_of_unfinished();
     converter.print(&args.output, numbered, json);
-    let lost = !converter.invalid.is_empty() || !converter.left_out.is_empty();
-    let lost = lost || converter.continues;
+    let is_whole = converter.invalid.is_empty() && converter.left_out.is_empty();
+    let lost = !is_whole || converter.continues;
     Ok(Outcome::undecided_if(lost || converter.undecided))
+}
+
+/// Returns the names of files as arguments of a shell.
+fn quoted(files: &[PathBuf]) -> String {
+    let quote = |file: &PathBuf| match file.display().to_string() {
+        name if name.contains(char::is_whitespace) => format!("'{name}'"),
+        name => name,
+    };
+    files.iter().map(quote).collect::<Vec<_>>().join(" ")
 }
 
 /// Returns a frame with the cell that the user chose, and curves that are closed and unwrapped.
@@ -171,7 +181,7 @@ struct Converter {
     waiting: Option<(CurveSet, FrameInfo)>,
     frames: u64,
     invalid: Vec<Invalid>,
-    /// Number of invalid frames that a file counts.
+    /// Number of invalid frames that the files written so far count.
     counted: usize,
     /// Elements of the files that were not read.
     left_out: Vec<LeftOut>,
@@ -282,18 +292,19 @@ impl Converter {
         self.check_frames()
     }
 
-    /// Returns true if a frame belongs to the next file: curves came, went or changed. Only named
-    /// ones may, and an archive of NumPy holds the same curves in all frames.
+    /// Returns true if a frame belongs to the next file, because curves came, went or changed. An
+    /// archive of NumPy holds the same curves in all frames, and only named curves may change.
     fn begins_file(&self, curves: &CurveSet, info: &FrameInfo) -> bool {
         let Some((last, last_info)) = &self.waiting else {
             return false;
         };
-        let are_named = [info, last_info].map(|info| !info.labels.names.is_empty());
+        let is_named = |info: &FrameInfo| !info.labels.names.is_empty();
         let is_same = last.counts().eq(curves.counts()) && last_info.labels == info.labels;
-        self.target == Some(Format::Npz) && are_named == [true; 2] && !is_same
+        self.target == Some(Format::Npz) && is_named(info) && is_named(last_info) && !is_same
     }
 
-    /// Adds invalid frames to the skipped elements, so that the output counts as incomplete.
+    /// Adds the invalid frames that no file counts yet to the skipped elements, so that the output
+    /// counts as incomplete.
     fn with_invalid(&mut self, mut info: FrameInfo) -> FrameInfo {
         let new = &self.invalid[std::mem::replace(&mut self.counted, self.invalid.len())..];
         if let Some(first) = new.first() {
@@ -378,8 +389,7 @@ impl Converter {
         };
         out!("{}{files}: {frames}, {points}{before}", path.display());
         if self.files.len() > 1 {
-            let files: Vec<_> = self.files.iter().map(|f| f.display().to_string()).collect();
-            let (count, files) = (files.len(), files.join(" "));
+            let (count, files) = (self.files.len(), quoted(&self.files));
             out!(
                 "  the curves or names change, so there are {count} files: check them with \
                  `linkwatch check {files} --one-motion`"

@@ -223,6 +223,9 @@ impl Selected {
                 }
             }
         }
+        if let Some(next) = self.frames.continues_in() {
+            tracing::info!("{}: the run continues in {next}", self.path.display());
+        }
         match valid {
             true => Ok(outcome),
             false => refuse(&self.path, "no valid frame"),

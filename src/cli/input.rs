@@ -259,11 +259,6 @@ pub enum FileFrames {
 }
 
 impl FileFrames {
-    /// Returns true if frames after those that were read so far are not in the file.
-    pub fn ends_in_gap(&self) -> bool {
-        matches!(self, FileFrames::Recording(recorded) if recorded.after_gap)
-    }
-
     /// Returns the name of the file in which a recorded run continues, once all frames were read.
     pub fn continues_in(&self) -> Option<&str> {
         match self {

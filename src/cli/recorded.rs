@@ -49,7 +49,8 @@ pub struct Recorded {
     source: Option<Source>,
     /// Number of the last frame with curves, until its verdict is read.
     frame: Option<u64>,
-    missing: MissingFrames,
+    /// Counts up to the last verdict. The next file of a run continues them.
+    pub missing: MissingFrames,
     /// True if a frame was read that was not rejected.
     begun: bool,
     /// True if frames before the next one were skipped.

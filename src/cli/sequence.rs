@@ -1,7 +1,7 @@
 //! Frames of several files in sequence: of one motion, or of several runs.
 
 use super::input::{self, FileFrames};
-use super::recorded;
+use super::recorded::{self, Part, Recorded};
 use linkwatch::formats::{Format, ModelFrame, ReadOptions};
 use linkwatch::{CurveSet, Error, FrameInfo, LeftOut, Received, Result};
 use std::collections::VecDeque;
@@ -25,12 +25,10 @@ pub struct Sequence {
     /// True if a file so far had several frames.
     had_several: bool,
     current: Option<File>,
-    /// The last file, if it is a recording.
-    part: Option<recorded::Part>,
-    /// True if frames after the last one are not in its file.
-    pub ends_in_gap: bool,
-    /// True if a recorded run continues after the last file.
-    pub continues: bool,
+    /// The last file, if it is a recording that was read to its end.
+    last: Option<LastFile>,
+    /// For each run before the last one whose last files are missing, a text that says so.
+    unfinished: Vec<String>,
     /// Elements that were not read of the current file.
     left_out: Vec<LeftOut>,
     /// Number of the next frame, if the file gives it none.
@@ -45,6 +43,8 @@ pub struct Sequence {
 /// A file that is being read.
 struct File {
     path: PathBuf,
+    /// Its place in a recorded run.
+    part: Option<Part>,
     /// Frames that were read ahead.
     ahead: VecDeque<Result<ModelFrame>>,
     frames: FileFrames,
@@ -56,6 +56,26 @@ struct File {
     lacks_files: Option<[&'static str; 2]>,
     /// Number of cuts and layout number of its last valid frame.
     last_seen: Option<(u32, u32)>,
+}
+
+/// A recording that was read.
+struct LastFile {
+    path: PathBuf,
+    part: Part,
+    recorded: Box<Recorded>,
+}
+
+impl LastFile {
+    fn ends_in_gap(&self) -> bool {
+        self.part.has_window || self.recorded.after_gap
+    }
+
+    /// Returns a text that says in which other file the run continues, if it does.
+    fn unfinished(&self) -> Option<String> {
+        let (path, next) = (self.path.display(), self.recorded.continues_in.as_ref()?);
+        let what = "which was not given";
+        Some(format!("{path}: the run continues in {next}, {what}"))
+    }
 }
 
 /// A frame of a [`Sequence`].
@@ -93,37 +113,62 @@ impl Sequence {
         }
     }
 
+    /// Returns true if frames after the last one are not in its file.
+    pub fn ends_in_gap(&self) -> bool {
+        self.last.as_ref().is_some_and(LastFile::ends_in_gap)
+    }
+
+    /// Warns of the runs whose last files are missing, once all frames were read. Returns true if
+    /// there are any.
+    pub fn warn_of_unfinished(&self) -> bool {
+        let last = self.last.as_ref().and_then(LastFile::unfinished);
+        let all = self.unfinished.iter().chain(&last);
+        all.inspect(|what| tracing::warn!("{what}")).count() > 0
+    }
+
     /// Opens the next file. Its first two frames show if it has several.
     fn open(&mut self, path: PathBuf) -> Result<File> {
         let mut frames = input::open(&path, &self.options)?;
+        let part = input::is_mcap(&path).then(|| recorded::part(&path));
+        let (part, last) = (part.flatten(), self.last.take());
+        let number = part.as_ref().map_or(1, |part| part.number);
+        let of_run = |last: &&LastFile| {
+            let same_run = |part: &Part| part.run == last.part.run;
+            number > 1 && (self.one_motion || part.as_ref().is_some_and(same_run))
+        };
+        let before = last.as_ref().filter(of_run);
+        let is_next = before.is_some_and(|last| number == last.part.number + 1);
+        let ends_in_gap = last.as_ref().is_some_and(LastFile::ends_in_gap);
+        let lacks_files = match before {
+            Some(_) if !is_next => {
+                Some(["gap between files of a run", "gaps between files of a run"])
+            }
+            None if number > 1 => Some([
+                "run without its first file",
+                "runs without their first file",
+            ]),
+            _ => None,
+        };
+        // Frames between two files may have been skipped, or dropped.
+        let after_gap = ends_in_gap || before.is_some() && !is_next;
+        match (before, &mut frames) {
+            (Some(last), FileFrames::Recording(recorded)) if is_next => {
+                recorded.missing = last.recorded.missing;
+            }
+            (None, _) => {
+                let unfinished = last.as_ref().and_then(LastFile::unfinished);
+                self.unfinished.extend(unfinished);
+            }
+            _ => {}
+        }
         let most_ahead = if self.single { 0 } else { 2 };
         let ahead: VecDeque<_> = frames.by_ref().take(most_ahead).collect();
         let has_several = ahead.len() > 1;
-        let part = input::is_mcap(&path).then(|| recorded::part(&path));
-        let part = part.flatten();
-        let last = self.part.take();
-        let (mut is_next, mut lacks_files, mut after_gap) = (false, None, false);
-        if let (Some(part), Some(last)) = (&part, &last)
-            && part.number > 1
-            && (self.one_motion || part.run == last.run)
-        {
-            is_next = part.number == last.number + 1;
-            let gap = ["gap between files of a run", "gaps between files of a run"];
-            lacks_files = (!is_next).then_some(gap);
-            // Frames between these two may have been skipped.
-            after_gap = !is_next || self.ends_in_gap;
-        } else if part.as_ref().is_some_and(|part| part.number > 1) {
-            lacks_files = Some([
-                "run without its first file",
-                "runs without their first file",
-            ]);
-        }
-        self.part = part;
-        self.ends_in_gap = false;
         let begins_run = has_several && self.had_several && !self.one_motion && !is_next;
         self.had_several |= has_several;
         Ok(File {
             path,
+            part,
             ahead,
             frames,
             begins_run,
@@ -142,14 +187,19 @@ impl Sequence {
                     let with_path = |frame| (file.path.clone(), frame);
                     return Some((begins_run, frame.map(with_path)));
                 }
-                let has_window = self.part.as_ref().is_some_and(|part| part.has_window);
-                self.ends_in_gap = has_window || file.frames.ends_in_gap();
-                if let (true, Some(next)) = (self.files.is_empty(), file.frames.continues_in()) {
-                    let path = file.path.display();
-                    tracing::warn!("{path}: the run continues in {next}, which was not given");
-                    self.continues = true;
-                }
-                self.current = None;
+            }
+            if let Some(File {
+                path,
+                part: Some(part),
+                frames: FileFrames::Recording(recorded),
+                ..
+            }) = self.current.take()
+            {
+                self.last = Some(LastFile {
+                    path,
+                    part,
+                    recorded,
+                });
             }
             let path = self.files.pop_front()?;
             match self.open(path) {

@@ -73,7 +73,7 @@ impl<'a> Lines<'a> {
         self.left -= read as u64;
         self.number += 1;
         if self.line[start..].contains(&0) {
-            return Err(self.bad("a byte is 0, so the file is damaged, or no text"));
+            return Err(self.bad("a byte is 0, so the file is damaged or is not a text file"));
         }
         if self.line.last() == Some(&b'\n') {
             self.line.pop();

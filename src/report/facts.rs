@@ -285,8 +285,11 @@ struct Collector {
     rejected: u64,
     /// Lasting verdicts before the current violation.
     before_violation: Option<Verdicts>,
-    /// Frames since then of which a part was not verified. A rollback does not settle them.
-    in_part: Verdicts,
+    /// Verdicts of that violation that count although it ends: on frames after a cut, and on frames
+    /// of which a part was not verified.
+    kept: Verdicts,
+    /// True if the simulator cut the motion after the last frame of that violation with a finding.
+    after_cut: bool,
     missing: MissingFrames,
 }
 
@@ -316,7 +319,9 @@ impl Collector {
                 self.frames += 1;
                 self.facts.has_pairs |= frame.info.cell.is_some();
                 let cuts = self.cuts.replace(frame.info.cuts);
-                self.facts.counts.cuts += u64::from(cuts.is_some_and(|c| c != frame.info.cuts));
+                let is_cut = cuts.is_some_and(|cuts| cuts != frame.info.cuts);
+                self.facts.counts.cuts += u64::from(is_cut);
+                self.after_cut |= is_cut;
                 let accepted = self.accepted.replace(frame.info.baseline);
                 if let Some(baseline) = &mut self.facts.baseline
                     && accepted.is_some_and(|seq| seq != frame.info.baseline)
@@ -356,16 +361,17 @@ impl Collector {
             && let Some(before) = self.before_violation.take()
         {
             facts.lasting = before;
-            if ended[0] != counts.recovered {
-                let of_kind = Verdict::Undecided as usize;
-                facts.lasting.counts[of_kind] += self.in_part.counts[of_kind];
-                let first = self.in_part.unsettled.take();
-                facts.lasting.unsettled = facts.lasting.unsettled.take().or(first);
-            }
+            let kept = std::mem::take(&mut self.kept);
+            let counts = facts.lasting.counts.iter_mut().zip(kept.counts);
+            counts.for_each(|(count, kept)| *count += kept);
+            facts.lasting.unsettled = facts.lasting.unsettled.take().or(kept.unsettled);
         }
-        if self.before_violation.is_none() && (report.abort || report.verdict == Verdict::Changed) {
-            self.before_violation = Some(facts.lasting.clone());
-            self.in_part = Verdicts::default();
+        if report.abort || report.verdict == Verdict::Changed {
+            if self.before_violation.is_none() {
+                self.before_violation = Some(facts.lasting.clone());
+                self.kept = Verdicts::default();
+            }
+            self.after_cut = false;
         }
         if report.verdict == Verdict::Rejected {
             counts.rejected += 1;
@@ -419,8 +425,10 @@ impl Collector {
         for verdicts in [&mut facts.verdicts, &mut facts.lasting] {
             verdicts.add(report.verdict, found);
         }
-        if !report.missing.is_empty() {
-            self.in_part.add(Verdict::Undecided, found);
+        if self.after_cut {
+            self.kept.add(report.verdict, found);
+        } else if !report.missing.is_empty() {
+            self.kept.add(Verdict::Undecided, found);
         }
         let Some(clearance) = &report.clearance else {
             return;

@@ -132,7 +132,7 @@ def test_a_conversion_of_curves_that_come_and_go_writes_further_archives(tmp_pat
     assert code == 2 and "exists" in err
 
 
-def test_a_curve_that_returns_during_a_violation_is_not_settled_by_a_rollback(tmp_path):
+def test_a_frame_that_was_not_fully_verified_counts_after_a_rollback(tmp_path):
     """Regression test: the link was lost while the curve was gone, and the run had recovered."""
     ring = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
     other = np.array([[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]], float)
@@ -192,3 +192,46 @@ def test_the_step_to_the_next_file_of_a_recording_is_searched(tmp_path):
     assert found.left_out == [
         f"frames of the recording before kept-part{k}.mcap" for k in (2, 5)
     ]
+
+
+def test_a_contact_after_a_rollback_counts_in_a_report(tmp_path):
+    """Regression test: the report forgave all frames from the violation to the intact frame."""
+    ring = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+    other = np.array([[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]], float)
+    places = [0, 0.1, 3, 1, 0.1, 0]
+    frames = [
+        linkwatch.io.Frame(
+            np.concatenate([ring, other + [x, 0, 0]]), [-4, -4], seq=k, cuts=int(k > 2)
+        )
+        for k, x in enumerate(places)
+    ]
+    (path,) = linkwatch.write(frames, tmp_path / "run.npz")
+    kept = tmp_path / "run.mcap"
+    assert run("check", "--events=off", path, "--record", kept)[0] == 3
+    for command in (["check", "--events=off"], ["replay"], ["report", "-o", tmp_path / "a.html"]):
+        code, out, err = run(command[0], kept, *command[1:])
+        assert code == 3, (command, out, err)
+
+
+def test_each_of_several_recorded_runs_needs_its_last_file(tmp_path):
+    """Regression test: only the last file that was given was asked if its run continues."""
+    scene = ("generate", "chainmail:rows=12,columns=12", "--frames", "30,diameter=0.2")
+    assert run(*scene, "-o", tmp_path / "run.npz")[0] == 0
+    for name in "ab":
+        record = f"{tmp_path / name}.mcap,max=1MB"
+        assert run("check", tmp_path / "run.npz", "--record", record)[0] == 0
+    a, b = ([*sorted(tmp_path.glob(f"{name}.mcap")), *sorted(tmp_path.glob(f"{name}-part*"))]
+            for name in "ab")
+    assert len(a) == len(b) > 2
+    assert run("check", *a, *b)[0] == 0
+    says = f"{a[-2]}: the run continues in {a[-1].name}, which was not given"
+    for option in ([], ["--one-motion"]):
+        code, _, err = run("check", *a[:-1], *b, *option)
+        assert code == 3 and says in err
+    left_out = linkwatch.read(*a[:-1], *b, one_motion=True).summary.left_out
+    assert left_out == [f"files of the run after {a[-2].name}"]
+    whole = linkwatch.read(*a, one_motion=True).summary
+    assert whole.left_out == [] and "continues in" not in str(whole)
+    # The frame that was asked for is there.
+    code, _, err = run("convert", a[0], tmp_path / "one.npz", "--frame", "1")
+    assert code == 0 and "not given" not in err

@@ -1,5 +1,5 @@
 //! Violations of a run, and how they ended. A violation that the simulator rolled back before it
-//! continued does not affect the result of the run.
+//! continued does not affect the result of the run, unless a part of its frames was not verified.
 
 use crate::cli::Outcome;
 use linkwatch::{Continuation, Report, Verdict};
@@ -22,8 +22,8 @@ struct Violation {
     count: u32,
     /// True if the simulator cut the motion after the last frame with a finding.
     cut: bool,
-    /// True if a part of a frame was not verified: the linking numbers of a curve that returned,
-    /// for example, which are expected from then on, even if the simulator rolls back.
+    /// True if a part of a frame was not verified. For example, a curve returned: nobody knows what
+    /// became of it, and later frames are compared with its numbers, even after a rollback.
     lacks_parts: bool,
 }
 
@@ -31,7 +31,8 @@ struct Violation {
 #[derive(Clone, Default)]
 pub struct Violations {
     current: Option<Violation>,
-    /// Worst outcome of the frames that belong to no violation.
+    /// Worst outcome of the frames that belong to no violation, and undecided if a part of a frame
+    /// of a violation that ended was not verified.
     others: Outcome,
     /// Number of violations that were rolled back, and number that the simulator accepted.
     pub recovered: u32,
@@ -50,12 +51,10 @@ impl Violations {
         if let Some(violation) = ended.as_ref().filter(|v| v.worst > Outcome::Fine) {
             match step {
                 Continuation::Accepted => self.accepted += violation.count,
-                _ => {
-                    self.recovered += violation.count;
-                    let outcome = Outcome::undecided_if(violation.lacks_parts);
-                    self.others = self.others.max(outcome);
-                }
+                _ => self.recovered += violation.count,
             }
+            let outcome = Outcome::undecided_if(violation.lacks_parts);
+            self.others = self.others.max(outcome);
         }
         let outcome = Outcome::of(report.verdict);
         let found = report.abort || outcome == Outcome::Changed;
@@ -181,7 +180,7 @@ mod tests {
 
     /// Regression test: a link was lost while its curve was gone, and the run had recovered.
     #[test]
-    fn a_rollback_does_not_settle_what_was_not_verified() {
+    fn a_frame_that_was_not_fully_verified_counts_after_a_rollback() {
         let cases = [(true, Outcome::Undecided), (false, Outcome::Fine)];
         for (returns, outcome) in cases {
             let mut violations = Violations::default();

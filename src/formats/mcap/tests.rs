@@ -228,8 +228,8 @@ fn messages_add_replace_and_delete() {
     assert!(state.is_empty());
 }
 
-/// Regression test: a curve that split, or got a second one beside it, was gone under its name, and
-/// nothing told what became of it.
+/// Regression test: if an entity got a second line, the name of its first line changed, so that
+/// curve counted as gone.
 #[test]
 fn the_first_line_of_an_entity_keeps_its_name() {
     let with_lines = |name: &str, number: usize| {

@@ -62,7 +62,7 @@ def frames_of(
         read = lambda frames: frames  # noqa: E731
     elif isinstance(given, (list, tuple)) and given and isinstance(given[0], (str, os.PathLike)):
         read, args = functools.partial(io.read, keep_open=keep_open), list(given)
-        if wrapped and io.format_of(Path(given[0])) is io.FORMATS[-1]:
+        if wrapped and io.format_of(Path(given[0])).name == "linkwatch":
             # The command refuses curves that are torn, unless it unwraps them.
             options.setdefault("unwrap", True)
     elif hasattr(given, "universe") and hasattr(given, "atoms"):

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 def _series(
     frames: Any, described: dict[str, Any], measure: Callable[[Frame], Any], decide: bool = True
 ) -> Array:
-    """Returns a quantity of all frames, which is NaN in those that are invalid or, with a warning,
-    refused after others were not.
+    """Returns a quantity of all frames. It is NaN in invalid frames and, with a warning, in frames
+    that are refused after another one had a value.
 
     The quantity does not depend on which curves are closed unless ``decide`` is true.
     """
@@ -54,11 +54,11 @@ def _series(
         except ValueError as why:
             if all(one is None for one in found):
                 raise  # An option may be wrong.
-            refused.append(f"frame {frame.seq} has no value: {why}")
+            refused.append(f"frame {frame.seq}: {why}")
             found.append(None)
     if refused:
-        others = plural(len(refused) - 1, "other frame", "other frames")
-        what = refused[0] + f" (nor {others})" * (len(refused) > 1)
+        number = plural(len(refused), "frame has", "frames have")
+        what = f"{number} no value; {refused[0]}"
         warnings.warn(what, UnverifiedWarning, stacklevel=3)
     shapes = {one.shape for one in found if one is not None}
     if len(shapes) > 1:

@@ -64,8 +64,9 @@ def _chained(parts: list[Frames]) -> Frames:
             part.summary.left_out.append(f"files of the run before {part.path.name}")
         elif is_cut:
             part.summary.left_out.append(f"frames of the recording before {part.path.name}")
-    if parts[-1].summary.continues:
-        parts[-1].summary.left_out.append(f"files of the run after {parts[-1].path.name}")
+    for part, number_after in zip(parts, [*numbers[1:], 0]):
+        if part.summary.continues and number_after in (0, 1):
+            part.summary.left_out.append(f"files of the run after {part.path.name}")
     summary = parts[0].summary
     for said in ("left_out", "notes"):
         every = [one for part in parts for one in getattr(part.summary, said)]
@@ -99,13 +100,16 @@ def _converted(words: list[str], paths: Sequence[Path], is_alone: bool = True) -
         ended = subprocess.run(words, capture_output=True, text=True, check=False)
         # Lines are an error, or begin with a level. Options have the names of Python here.
         errors = ended.stderr.replace("option `--", "option `").replace("`wrapped", "`unwrap")
+        errors = errors.replace("--wrapped", "`unwrap`").replace("`--cell ", "`cell=")
         errors = errors.replace("give --one-motion", "pass the option `one_motion`")
         said = [line.strip().split(maxsplit=1) for line in errors.splitlines()]
-        if not archive.exists():
+        if not ended.stdout:
             lines = [" ".join(words[words[0] in LEVELS :]) for words in said if words]
             raise ValueError("; ".join(lines).removeprefix("error: "))
         result = json.loads(ended.stdout.splitlines()[-1])
-        archives = [_Archive(Path(path)) for path in result["files"]]
+        # Each map takes a file descriptor.
+        maps = len(result["files"]) <= 100
+        archives = [_Archive(Path(path), maps) for path in result["files"]]
         frames = _opened(archives, paths[0], result["invalid_frames"])
     summary = frames.summary
     summary.part, summary.ends_in_gap = result["part"], result["ends_in_gap"]
@@ -119,13 +123,16 @@ def _converted(words: list[str], paths: Sequence[Path], is_alone: bool = True) -
         summary.left_out.append(f"files of the run after {paths[-1].name}")
     for level, *rest in filter(None, said):
         # Invalid frames are errors, and rejected when they are read.
-        if level != "ERROR" and "not read, so not verified" not in rest[0]:
+        if level != "ERROR" and not any(known in rest[0] for known in KNOWN):
             summary.notes += rest
     return frames
 
 
 # Kind of element that the command counts as left out if the first file of a recording is missing.
 LATER_FILES = "runs without their first file"
+
+# Parts of lines on stderr whose content is in the result as well.
+KNOWN = ("not read, so not verified", "the run continues in")
 
 # Levels of the lines on stderr.
 LEVELS = ("WARN", "INFO", "ERROR")
@@ -134,17 +141,16 @@ LEVELS = ("WARN", "INFO", "ERROR")
 class _Archive:
     """An archive of the command. All of its frames have the same curves."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, maps: bool) -> None:
         with np.load(path) as arrays:
             self.counts = arrays["counts"].tolist()
             self.names = [str(name) for name in arrays["names"]] if "names" in arrays else []
             self.radii = arrays["radii"].tolist() if "radii" in arrays else []
             self.basis = str(arrays["basis"])
-            others = {key: arrays[key] for key in ("times", "seq", "cell", "cuts") if key in arrays}
-        self.positions = _mapped(path)
-        self.others = others
-        frames = range(len(self.positions))
-        self.numbers = others["seq"].tolist() if "seq" in others else [*frames]
+            keys = ("times", "seq", "cell", "cuts")
+            self.others = {key: arrays[key] for key in keys if key in arrays}
+            self.positions = _mapped(path) if maps else arrays["positions"]
+        self.numbers = self.others.get("seq", np.arange(len(self.positions))).tolist()
 
     def frame(self, k: int) -> Frame:
         """Returns the frame at an index."""
