@@ -2,6 +2,7 @@
 //!
 //! A run that crashes, or that the system kills because memory is short, costs no other run.
 
+use super::input::has_extension;
 use super::{Outcome, output};
 use linkwatch::Result;
 use rayon::iter::{ParallelBridge, ParallelIterator};
@@ -18,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
-use std::time::Instant;
+use std::time::{Instant, SystemTime};
 
 /// The option `--each` and what belongs to it.
 #[derive(Debug, clap::Args)]
@@ -68,11 +69,20 @@ struct Line {
     key: String,
 }
 
-/// Returns the [`Line::key`] of a run that reads these files.
+/// Formats of files that refer to others, which are not known here.
+const REFERRING: [&str; 11] = [
+    "pvd", "pvtp", "pvtu", "vtm", "xdmf", "usd", "usda", "usdc", "usdz", "top", "itp",
+];
+
+/// Returns the [`Line::key`] of a run that reads these files. That of a file which refers to others
+/// is new in every call.
 fn key(files: &[PathBuf], options: &str) -> String {
     let mut hasher = DefaultHasher::new();
     options.hash(&mut hasher);
     for file in files {
+        if has_extension(file, &REFERRING) {
+            SystemTime::now().hash(&mut hasher);
+        }
         let file = file.metadata().ok();
         let modified = file.as_ref().and_then(|file| file.modified().ok());
         // A copy may keep the time of the file that it replaces.
@@ -296,6 +306,14 @@ mod tests {
                 false => assert_eq!(left, text),
             }
         }
+    }
+
+    /// Regression test: a stage of USD was not verified again after a layer of it had changed.
+    #[test]
+    fn a_file_that_refers_to_others_is_verified_again() {
+        let key = |name: &str| key(&[PathBuf::from(name)], "");
+        assert_ne!(key("a.usda"), key("a.usda"));
+        assert_eq!(key("a.npz"), key("a.npz"));
     }
 
     /// Regression test: a file that was truncated within a character was refused.

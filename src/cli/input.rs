@@ -137,6 +137,18 @@ pub fn expand_models(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(files.collect::<Result<Vec<_>>>()?.concat())
 }
 
+/// Extensions of files with curves that only the Python package reads, and that hold nothing else.
+const OF_PACKAGE: [&str; 20] = [
+    "dcd", "gsd", "h5md", "hair", "ncdf", "pdb", "poly", "pvd", "pvtp", "pvtu", "tg3", "tng",
+    "trr", "trz", "vtk", "vtm", "vtp", "vtu", "xdmf", "xtc",
+];
+
+/// Returns true if a file has one of these extensions.
+pub fn has_extension(file: &Path, extensions: &[&str]) -> bool {
+    let extension = file.extension().unwrap_or_default();
+    extensions.iter().any(|e| extension.eq_ignore_ascii_case(e))
+}
+
 fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let refuse = |why: String| usage!("{}: {why}", folder.display());
     let entries = std::fs::read_dir(folder).map_err(|e| refuse(e.to_string()))?;
@@ -154,6 +166,10 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
         let advice = "is compressed: decompress it, or give a pattern or the files";
         return Err(refuse(format!("{} {advice}", file.display())));
     }
+    if let Some(file) = others.iter().find(|file| has_extension(file, &OF_PACKAGE)) {
+        let advice = "is read by the Python package alone: give a pattern, or the files";
+        return Err(refuse(format!("{} {advice}", file.display())));
+    }
     if models.is_empty() {
         let known = formats::MODEL_FILES;
         return Err(refuse(format!("the folder holds no models ({known})")));
@@ -165,17 +181,12 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
 /// Returns true if a file is a compressed model, of the same format as the others if there are any.
 fn is_compressed(file: &Path, others: &Option<Result<formats::Format>>) -> bool {
     const SUFFIXES: [&str; 7] = ["gz", "xz", "bz2", "zst", "lz4", "zip", "z"];
-    let extension = file.extension().unwrap_or_default();
     let plain = file.with_extension("");
     let fits = |format| match others {
         Some(Ok(other)) => format == *other,
         _ => true,
     };
-    SUFFIXES
-        .iter()
-        .any(|suffix| extension.eq_ignore_ascii_case(suffix))
-        && !plain.exists()
-        && formats::Format::of(&plain).is_ok_and(fits)
+    has_extension(file, &SUFFIXES) && !plain.exists() && formats::Format::of(&plain).is_ok_and(fits)
 }
 
 /// Checks that the models of a folder may be frames of one motion.

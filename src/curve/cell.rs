@@ -173,8 +173,13 @@ impl Cell {
 
     /// Returns the translation of an image, up to rounding.
     pub(crate) fn translation(&self, image: Image) -> Point {
+        self.translation_by(image.map(f64::from))
+    }
+
+    /// Returns the sum of the lattice vectors with these factors.
+    pub(crate) fn translation_by(&self, factors: Point) -> Point {
         per_axis(|x| {
-            let terms = per_axis(|k| f64::from(image[k]) * self.vectors[k][x]);
+            let terms = per_axis(|k| factors[k] * self.vectors[k][x]);
             terms[0] + terms[1] + terms[2]
         })
     }

@@ -26,6 +26,7 @@ mod boxes;
 mod jumps;
 mod linking;
 mod names;
+mod nearest;
 mod pairs;
 mod through;
 mod unwrap;

@@ -7,7 +7,8 @@
 //!
 //! Cost: three products per segment and periodic direction.
 
-use crate::curve::vector::{add, dot, sub};
+use super::nearest::Neighbors;
+use crate::curve::vector::{add, dot, per_axis, sub};
 use crate::curve::{Basis, Cell, CurveSet, Image, Point, Positions};
 use crate::error::{Error, Result};
 
@@ -64,7 +65,7 @@ impl Unwrap {
     pub fn unwrap(&mut self, set: &CurveSet, cell: &Cell) -> Result<CurveSet> {
         cell.check()?;
         let (fractional, periodic) = (fractional(cell), cell.periodic());
-        let positions = set.positions();
+        let (positions, neighbors) = (set.positions(), Neighbors::of(cell));
         // Returns the translation that brings `to` nearest to `from`, and the lattice vector along
         // which they are then furthest apart, with this distance as a share of the cell.
         let nearest = |from: Point, to: Point| -> (Image, (usize, f64)) {
@@ -77,7 +78,16 @@ impl Unwrap {
                     most = (x, apart);
                 }
             }
-            (image, most)
+            // In a cell with oblique vectors, another image may be nearer than the rounded one.
+            let step = cell.translation_by(per_axis(|x| match periodic[x] {
+                true => u[x] + f64::from(image[x]),
+                false => 0.0,
+            }));
+            match neighbors.shorten(step) {
+                (by, _) if by == Image::default() => (image, most),
+                (by, true) => (add(image, by), (0, 0.0)),
+                (_, false) => (image, (most.0, most.1.max(0.5))),
+            }
         };
         let moved = |p: Point, image: Image| add(p, cell.translation(image));
         let known = Some(&self.before).filter(|b| b.len() == set.len());
@@ -189,6 +199,8 @@ pub(crate) fn find_torn(
     curves: impl IntoIterator<Item = usize>,
 ) -> Result<Option<Torn>> {
     cell.check()?;
+    // A vector of a sheared cell may be far longer than the shortest ones of its lattice.
+    let cell = cell.reduced();
     let (inverse, periodic) = (cell.inverse_or_error()?, cell.periodic());
     for curve in curves {
         for ends in set.curve(curve).pairs_of_points() {

@@ -459,6 +459,21 @@ fn a_folder_with_compressed_models_is_refused() {
     );
 }
 
+/// Regression test: these frames were skipped, and the others were intact.
+#[test]
+fn a_folder_with_files_that_only_the_package_reads_is_refused() {
+    let folder = TempDir::new().unwrap();
+    let models = folder.path().join("models");
+    std::fs::create_dir(&models).unwrap();
+    crate::chain(&models, "f0.bcc", 0.5);
+    crate::chain(&models, "f1.bcc", 0.5);
+    std::fs::write(models.join("f2.vtp"), "").unwrap();
+    let refused = linkwatch(&["check", text(&models)]);
+    assert_eq!(refused.code, 2, "{}", refused.stderr);
+    let says = "f2.vtp is read by the Python package alone: give a pattern, or the files";
+    assert!(refused.stderr.contains(says), "{}", refused.stderr);
+}
+
 /// Regression test: the frame that was recorded as changed was intact in the replay.
 #[test]
 fn a_replay_that_cannot_repeat_a_violation_is_not_intact() {

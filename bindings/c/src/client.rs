@@ -221,8 +221,11 @@ pub unsafe extern "C" fn lw_set_cell(
 pub unsafe extern "C" fn lw_begin_float(client: *mut lw_client, time: f64) -> *mut f32 {
     guard(ptr::null_mut(), || {
         // SAFETY: as promised by the caller.
-        let frame = unsafe { begin(client, time) }?;
-        Ok(frame.positions_f32().map_err(words)?.as_mut_ptr())
+        unsafe {
+            begin(client, time, |frame| {
+                Ok(frame.positions_f32()?.as_mut_ptr())
+            })
+        }
     })
 }
 
@@ -235,20 +238,31 @@ pub unsafe extern "C" fn lw_begin_float(client: *mut lw_client, time: f64) -> *m
 pub unsafe extern "C" fn lw_begin_double(client: *mut lw_client, time: f64) -> *mut f64 {
     guard(ptr::null_mut(), || {
         // SAFETY: as promised by the caller.
-        let frame = unsafe { begin(client, time) }?;
-        Ok(frame.positions_f64().map_err(words)?.as_mut_ptr())
+        unsafe {
+            begin(client, time, |frame| {
+                Ok(frame.positions_f64()?.as_mut_ptr())
+            })
+        }
     })
 }
 
+/// Begins a frame, unless its positions have another precision.
+///
 /// # Safety
 ///
 /// `client` is null, or comes from lw_open.
-unsafe fn begin<'a>(client: *mut lw_client, time: f64) -> Result<&'a mut FrameMemory, String> {
+unsafe fn begin<T>(
+    client: *mut lw_client,
+    time: f64,
+    positions: impl FnOnce(&mut FrameMemory) -> linkwatch::Result<*mut T>,
+) -> Result<*mut T, String> {
     // SAFETY: as promised by the caller.
     let this = unsafe { given(client, "client") }?;
     this.frame = None;
-    let frame = this.client.begin(time).map_err(words)?;
-    Ok(this.frame.insert(frame))
+    let mut frame = this.client.begin(time).map_err(words)?;
+    let start = positions(&mut frame).map_err(words)?;
+    this.frame = Some(frame);
+    Ok(start)
 }
 
 /// Publishes the frame that was begun last. Writes its sequence number to `seq`, which may be null.

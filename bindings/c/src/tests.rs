@@ -278,6 +278,8 @@ fn frames_are_published_without_a_watcher() {
             "{}",
             last_error()
         );
+        // Regression test: a frame was begun, and published without any positions.
+        assert_eq!(lw_publish(client, null_mut()), LW_ERROR);
         for k in 0..100 {
             // The frame is begun twice, and the first memory is discarded.
             assert!(!lw_begin_double(client, f64::from(k)).is_null());

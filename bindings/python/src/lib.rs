@@ -32,6 +32,7 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(strands::diagram, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
     module.add_function(wrap_pyfunction!(sorted_by_number, module)?)?;
+    module.add_function(wrap_pyfunction!(reduced_cell, module)?)?;
     Ok(())
 }
 
@@ -48,6 +49,14 @@ fn command(py: Python<'_>, args: Vec<OsString>) -> u8 {
 fn sorted_by_number(mut paths: Vec<PathBuf>) -> Vec<OsString> {
     linkwatch::sort_by_number(&mut paths);
     paths.into_iter().map(OsString::from).collect()
+}
+
+/// Returns the cell with the shortest lattice vectors of the same lattice.
+#[pyfunction]
+fn reduced_cell(numbers: [f64; 12]) -> [[f64; 3]; 4] {
+    let cell = frame::cell(numbers).reduced();
+    let [a, b, c] = cell.vectors;
+    [a, b, c, cell.origin]
 }
 
 /// Returns the exception of an error: `OSError` if a file cannot be read or written (a subclass

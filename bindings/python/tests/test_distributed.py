@@ -201,3 +201,15 @@ def test_chunks_of_single_precision_continue_after_a_jump_in_a_cell():
             for chunk in (1, 3):
                 found = linkwatch.check(frames, wrapped=wrapped, client=client, chunk=chunk)
                 assert found.frames == alone.frames
+
+
+def test_a_file_that_was_written_again_is_read_again_by_the_same_workers(tmp_path):
+    """Regression test: a worker kept the frames that it had read before."""
+    path = tmp_path / "run.npz"
+    verdicts = []
+    with ThreadPoolExecutor(2) as client:
+        for step in (0.01, 0.4):
+            frames = [np.concatenate(linked(step * k)) for k in range(8)]
+            np.savez(path, positions=np.array(frames), counts=[-4, -4])
+            verdicts.append(linkwatch.check(path, client=client, chunk=2).verdict)
+    assert verdicts == ["intact", "changed"]

@@ -990,3 +990,72 @@ def test_a_cell_of_xyz_that_is_no_lattice_is_not_ignored(tmp_path, comment, says
         with pytest.raises(ValueError, match=says):
             list(linkwatch.read(top, path))
     assert next(iter(linkwatch.read(top, path, cell=[9, 9, 9]))).rejected is None
+
+
+def test_vertices_are_unwrapped_to_the_nearest_image_in_a_sheared_cell(tmp_path):
+    """Regression test: fractional coordinates were rounded, which gave a farther image."""
+    needs("MDAnalysis", "gsd")
+    hoomd = pytest.importorskip("gsd.hoomd", reason="gsd is not installed")
+    ring = np.array([[0, 0, 0], [3.2, 0, 0], [3.2, 3.3, 0], [0, 3.3, 0]])
+    other = np.array([
+        [0.4, 2.8, -1], [0.4, 2.8, 0], [0.4, 2.8, 1], [-1.1, 2.8, 1],
+        [-2.6, 2.8, 1], [-2.6, 2.8, 0], [-2.6, 2.8, -1], [-1.1, 2.8, -1],
+    ])  # fmt: skip
+    bonds = [(k, (k + 1) % 4) for k in range(4)] + [(4 + k, 4 + (k + 1) % 8) for k in range(8)]
+    made = []
+    with hoomd.open(tmp_path / "a.gsd", "w") as file:
+        for k, x in enumerate((0, -0.2, -0.39, -0.6, -0.8, -1)):
+            made.append(np.concatenate([ring, other + [x, 0, 0]]))
+            frame = hoomd.Frame()
+            frame.particles.N, frame.particles.position = 12, made[-1]
+            frame.particles.types, frame.particles.typeid = ["A"], [0] * 12
+            # The lattice of a cube.
+            frame.configuration.box, frame.configuration.step = [10, 10, 10, 3, 0, 0], k
+            frame.bonds.N, frame.bonds.group = 12, bonds
+            frame.bonds.types, frame.bonds.typeid = ["b"], [0] * 12
+            file.append(frame)
+    for one, positions in zip(linkwatch.read(tmp_path / "a.gsd"), made):
+        assert np.allclose(one.positions, positions, atol=1e-5)
+    assert linkwatch.check(tmp_path / "a.gsd").verdict == "changed"
+    cell = np.array([[10, 0, 0], [30, 10, 0], [0, 0, 10], [0, 0, 0.0]])
+    frames = [linkwatch.io.Frame(p, [-4, -8], cell=cell, seq=k) for k, p in enumerate(made)]
+    assert linkwatch.check(frames, wrapped=True).verdict == "changed"
+
+
+def test_a_trr_file_that_is_cut_off_within_a_header_is_an_error(tmp_path):
+    """Regression test: MDAnalysis reads the frames before it, and nothing was said."""
+    needs("MDAnalysis")
+    universe_ = universe(frames=5)
+    save(universe_, tmp_path / "a.trr")
+    (tmp_path / "a.psf").write_text(psf(EDGES))
+    whole = (tmp_path / "a.trr").read_bytes()
+    assert len(list(linkwatch.read(tmp_path / "a.psf", tmp_path / "a.trr"))) == 5
+    for cut in (10, len(whole) // 5 - 10, len(whole) // 5 - 60):
+        (tmp_path / "a.trr").write_bytes(whole[:-cut])
+        with pytest.raises(ValueError, match="cut off|TRR|trr"):
+            list(linkwatch.read(tmp_path / "a.psf", tmp_path / "a.trr"))
+
+
+def test_frames_without_positions_or_with_a_broken_cell_are_rejected(tmp_path):
+    """Regression test: they were errors that named no file, and no other frame was read."""
+    needs("MDAnalysis", "gsd")
+    trr = pytest.importorskip("MDAnalysis.lib.formats.libmdaxdr")
+    (tmp_path / "a.psf").write_text(psf(EDGES))
+    with trr.TRRFile(str(tmp_path / "a.trr"), "w") as file:
+        for k in range(4):
+            points = np.float32(POINTS / 10)
+            file.write(points if k != 2 else None, points, None, np.eye(3) * 10, k, k, 0, 24)
+    why = [one.rejected for one in linkwatch.read(tmp_path / "a.psf", tmp_path / "a.trr")]
+    assert why == [None, None, "it has no positions", None]
+    hoomd = pytest.importorskip("gsd.hoomd", reason="gsd is not installed")
+    with hoomd.open(tmp_path / "a.gsd", "w") as file:
+        for edge in (50, np.nan, 50):
+            frame = hoomd.Frame()
+            frame.particles.N, frame.particles.position = 24, POINTS
+            frame.particles.types, frame.particles.typeid = ["A"], [0] * 24
+            frame.configuration.box = [edge, edge, edge, 0, 0, 0]
+            frame.bonds.N, frame.bonds.group = len(EDGES), EDGES
+            frame.bonds.types, frame.bonds.typeid = ["b"], [0] * len(EDGES)
+            file.append(frame)
+    why = [one.rejected for one in linkwatch.read(tmp_path / "a.gsd")]
+    assert why == [None, "its cell is not finite", None]

@@ -10,7 +10,7 @@ from linkwatch import io
 from test_command import run
 
 pytest.importorskip("pxr", reason="usd-core is not installed")
-from pxr import Gf, Sdf, Ts, Usd, UsdGeom
+from pxr import Gf, Sdf, Ts, Usd, UsdGeom, UsdSkel
 
 X, Y, Z = np.eye(3)
 BASES = {
@@ -301,6 +301,11 @@ def test_hidden_curves_are_read_and_those_that_are_not_are_counted(stage, tmp_pa
             ).Set([0]),
             "a skeleton moves them",
         ),
+        # Regression test: curves that blend shapes move were read at rest.
+        (
+            lambda prim: UsdSkel.BindingAPI.Apply(prim.GetPrim()).CreateBlendShapesAttr(["out"]),
+            "a skeleton moves them",
+        ),
     ],
 )
 def test_a_stage_without_curves_is_refused_with_the_reason(stage, change, words):
@@ -579,3 +584,16 @@ def test_a_missing_library_is_named_with_the_way_to_install_it(stage, monkeypatc
     monkeypatch.setitem(sys.modules, "pxr.Usd", None)
     with pytest.raises(ImportError, match=r'pip install "linkwatch\[usd\]"'):
         io.read(path)
+
+
+def test_a_file_that_was_written_again_is_read_again(tmp_path):
+    """Regression test: USD keeps the layers of stages that are open, so the old one was read."""
+    rings = [ring(), *(ring(center=(x, 0, 0), axes=(X, Z)) for x in (1, 9))]
+    kept, links = [], []
+    for other in rings[1:]:
+        made = Usd.Stage.CreateInMemory()
+        curves(made, "/a", [rings[0], other])
+        made.GetRootLayer().Export(str(tmp_path / "a.usda"))
+        kept.append(linkwatch.read(tmp_path / "a.usda"))
+        links.append(len(certify(next(iter(kept[-1]))).links))
+    assert links == [1, 0]

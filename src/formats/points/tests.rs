@@ -211,8 +211,6 @@ fn what_may_divide_or_lose_points_is_refused_with_the_line() {
         ),
         ("1 0 0\n2 0 x\n", "line 2): 'x', expected a number"),
         ("1 0 0\n2 nan 0\n", "'nan' is not a finite number"),
-        // Regression test: the zero bytes of a damaged file were a label.
-        ("1 0 0\n2 0 0\n\0\0\0\0", "line 3): a byte is 0"),
         ("1 0 0\nl.0 2.0 3.0\n", "'l.0', expected a number"),
         ("C 1 0 0\nC 2 0 0\n", "line 1): 4 columns, expected 3"),
         ("1,,0\n", "'', expected a number"),
@@ -285,6 +283,15 @@ fn no_break_spaces_of_latin_1_separate_numbers() {
     };
     let frames = frames_of(read(text[..].into(), &options).unwrap()).unwrap();
     assert_eq!(frames[0].curves.as_ref().unwrap().points(), 3);
+}
+
+/// Regression test: the zero bytes of a damaged file were a label, and the curves there missing.
+#[test]
+fn a_byte_0_is_an_error() {
+    for (text, line) in [("1 0 0\n2 0 0\n\0\0\0\0", 3), ("1 0 0\n2 0 \x000\n", 2)] {
+        let e = frames(text, Some(true), None).unwrap_err().to_string();
+        assert!(e.contains(&format!("line {line}): a byte is 0")), "{e}");
+    }
 }
 
 #[test]

@@ -153,7 +153,8 @@ def _workers(client: Any) -> int:
 
 def _parts(source: Frames, chunk: int | None, workers: int) -> Iterator[Any]:
     """Yields chunks that workers read: the recipe of the frames, and the numbers of some."""
-    frames, recipe = len(source), pickle.dumps(source)
+    # The number tells this check from an earlier one, after which files may have changed.
+    frames, recipe = len(source), pickle.dumps((source, os.urandom(8)))
     # Chunks of seconds, so that a scheduler that takes 15 ms for a chunk keeps 1000 workers busy.
     chunk = chunk or min(max(-(-frames // (4 * workers)), 16), 8192)
     for start in range(0, frames, chunk):
@@ -182,7 +183,7 @@ def _frames(part: Any) -> Iterable[Frame]:
         return part  # type: ignore[no-any-return]
     recipe, start, stop = part
     if getattr(_opened, "recipe", None) != recipe:
-        _opened.recipe, _opened.frames = recipe, pickle.loads(recipe)
+        _opened.recipe, (_opened.frames, _) = recipe, pickle.loads(recipe)
     frames: Iterable[Frame] = _opened.frames.part(start, stop)
     return frames
 

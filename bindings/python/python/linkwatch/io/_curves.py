@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -222,8 +223,10 @@ def unwrapped(points: Array, counts: list[int], cell: Array) -> tuple[Array, lis
     ends = np.cumsum(sizes)
     starts = ends - sizes
     is_closed = np.asarray(counts) < 0
-    # A vector of zeros means that the direction is not periodic.
-    vectors, to_cell = cell[:3], np.linalg.pinv(cell[:3])
+    # A vector of zeros means that the direction is not periodic. Rounding gives the nearest image
+    # only if vectors are nearly orthogonal, so the shortest ones of the lattice are used.
+    vectors = np.array(_linkwatch.reduced_cell(cell.ravel().tolist())[:3])
+    to_cell = np.linalg.pinv(vectors)
     steps = np.empty_like(points)
     np.subtract(points[1:], points[:-1], out=steps[1:])
     # The step to the first vertex of a curve is that from its last one, if that closes it.
@@ -238,6 +241,10 @@ def unwrapped(points: Array, counts: list[int], cell: Array) -> tuple[Array, lis
             f"the segment before point {at - starts[k]} of curve {k} is longer than a third of the "
             "cell, so its image would be a guess (`unwrap=False` takes coordinates as they are)"
         )
+    # No lattice vector is shorter than the least singular value.
+    longest = np.abs(steps).max(axis=0) @ np.linalg.norm(vectors, axis=1)
+    if longest > 0.5 / np.linalg.norm(to_cell, 2):
+        _check_nearest(steps @ vectors, vectors)
     points = points.astype(np.float64)
     crossing = int(images.any(axis=1).sum()) if images.any() else 0
     if not crossing:
@@ -306,6 +313,17 @@ def in_order(paths: Sequence[Path], options: Options) -> tuple[list[Path], list[
     found = [Path(path) for path in _linkwatch.sorted_by_number(list(paths))]
     said = "files follow one another by the numbers in their names, not as they are given"
     return found, [said] * (found != [*paths])
+
+
+def _check_nearest(steps: Array, vectors: Array) -> None:
+    """Raises an error if another image of a step is nearer, as it may be in an oblique cell."""
+    squares = (steps**2).sum(axis=1)
+    for factors in itertools.product((-1, 0, 1), repeat=3):
+        if (((steps + factors @ vectors) ** 2).sum(axis=1) < squares * (1 - 1e-6)).any():
+            raise Unfit(
+                "a segment is so long, and the cell so oblique, that the image of its end would be "
+                "a guess (`unwrap=False` takes coordinates as they are)"
+            )
 
 
 def _times(vectors: Array, matrix: Array) -> Array:

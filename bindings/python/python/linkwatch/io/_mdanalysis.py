@@ -181,7 +181,11 @@ def frames_of_atoms(
                     raise ValueError(f"{path}: only {read} of {len(trajectory)} frames can be read")
                 return
             read += 1
-            unfit, cell, positions = "", None, now.positions
+            unfit, cell, positions = "", None, np.full((now.n_atoms, 3), np.nan, np.float32)
+            if now.has_positions:
+                positions = now.positions
+            else:
+                unfit = "it has no positions"
             if by_bonds and passed_over.has_other_bonds(now):
                 unfit = "it has other bonds than the first frame, whose bonds define the curves"
             try:
@@ -189,6 +193,8 @@ def frames_of_atoms(
                 positions = positions if by_id is None else positions[by_id]
                 if options.cell is None:
                     cell = passed_over.cell(now)
+                    if cell is not None and not np.isfinite(cell).all():
+                        cell, unfit = None, "its cell is not finite"
             except ValueError as why:
                 unfit = str(why)
             yield Scene(

@@ -461,6 +461,10 @@ def check_end(path: Path, trajectory: Any) -> None:
             frame = 3 * record + (56 * control[10] + record * control[11]) * bool(control[19])
             # Fixed atoms are in the first frame only.
             whole = control[8] > 0 or (size - 116 - 80 * titles) % frame == 0
+        elif suffix == ".trr" and len(offsets) == frames > 1:
+            # Frames have equal lengths, unless some lack velocities or forces.
+            lengths = set(np.diff(offsets).tolist())
+            whole = size - int(offsets[-1]) in lengths
         elif suffix == ".xtc" and len(offsets) == frames and atoms > 9:
             at = int(offsets[-1])
             # Coordinates are padded to a multiple of 4 bytes.

@@ -38,6 +38,10 @@ def read(paths: Sequence[Path], options: Options) -> Frames:
     usd = library("pxr.Usd", "usd")
     try:
         stage = usd.Stage.Open(str(path))
+        # USD shares layers in a process, and keeps those that are open although their files change.
+        for layer in stage.GetUsedLayers():
+            if not (layer.dirty or layer.anonymous):
+                layer.Reload()
     except RuntimeError as why:
         raise ValueError(f"{path}: not a valid USD file: {_reason(why)}") from None
     scene = _Scene(stage, options)
@@ -233,7 +237,8 @@ class _Batch:
             if not attribute.HasValue():
                 raise Unread(f"no {attribute.GetName()}")
         primvars = geom.PrimvarsAPI(prim)
-        if primvars.FindPrimvarWithInheritance("skel:jointIndices").HasValue():
+        has_joints = primvars.FindPrimvarWithInheritance("skel:jointIndices").HasValue()
+        if has_joints or prim.GetAttribute("skel:blendShapes").HasValue():
             raise Unread("a skeleton moves them")
         self.wrap = "nonperiodic"
         # Kind of the curves if they are no BasisCurves, and the knots or tangents for Bezier
