@@ -16,6 +16,10 @@ impl Cell {
     /// Returns the cell with the shortest lattice vectors of the same lattice. A box that is
     /// sheared by three times its height may have the lattice of a cube.
     pub fn reduced(&self) -> Cell {
+        let [a, b, c] = self.vectors;
+        if [dot(a, b), dot(b, c), dot(c, a)] == [0.0; 3] {
+            return *self;
+        }
         let mut vectors = [Point::default(); 3];
         let periodic = self.periodic();
         let places = (0..3).filter(|&x| periodic[x]);
