@@ -73,8 +73,9 @@ impl LastFile {
     /// Returns a text that says in which other file the run continues, if it does.
     fn unfinished(&self) -> Option<String> {
         let (path, next) = (self.path.display(), self.recorded.continues_in.as_ref()?);
-        let what = "which was not given";
-        Some(format!("{path}: the run continues in {next}, {what}"))
+        Some(format!(
+            "{path}: the run continues in {next}, which was not given"
+        ))
     }
 }
 
@@ -130,6 +131,7 @@ impl Sequence {
     fn open(&mut self, path: PathBuf) -> Result<File> {
         let mut frames = input::open(&path, &self.options)?;
         let part = input::is_mcap(&path).then(|| recorded::part(&path));
+        let ends_in_gap = self.ends_in_gap();
         let (part, last) = (part.flatten(), self.last.take());
         let number = part.as_ref().map_or(1, |part| part.number);
         let of_run = |last: &&LastFile| {
@@ -138,7 +140,6 @@ impl Sequence {
         };
         let before = last.as_ref().filter(of_run);
         let is_next = before.is_some_and(|last| number == last.part.number + 1);
-        let ends_in_gap = last.as_ref().is_some_and(LastFile::ends_in_gap);
         let lacks_files = match before {
             Some(_) if !is_next => {
                 Some(["gap between files of a run", "gaps between files of a run"])

@@ -2,7 +2,7 @@
 
 use crate::support::command::{Run, linkwatch, text};
 use linkwatch::{Basis, CurveSet, Positions, formats};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 /// Polygons of a ring around `center` in the plane of two axes.
@@ -434,14 +434,20 @@ fn a_recorded_sequence_gives_the_same_verdicts_again() {
     assert_eq!(run.code, 2, "the recording exists");
 }
 
-/// Regression test: the compressed frames were skipped, and the others were intact.
-#[test]
-fn a_folder_with_compressed_models_is_refused() {
+/// Returns a folder of two equal models, within one that is deleted.
+fn folder_of_two_models() -> (TempDir, PathBuf) {
     let folder = TempDir::new().unwrap();
     let models = folder.path().join("models");
     std::fs::create_dir(&models).unwrap();
     crate::chain(&models, "f0.bcc", 0.5);
     crate::chain(&models, "f1.bcc", 0.5);
+    (folder, models)
+}
+
+/// Regression test: the compressed frames were skipped, and the others were intact.
+#[test]
+fn a_folder_with_compressed_models_is_refused() {
+    let (_folder, models) = folder_of_two_models();
     let check = || linkwatch(&["check", text(&models)]);
     assert_eq!(check().code, 0);
     std::fs::write(models.join("notes.txt.gz"), "").unwrap();
@@ -462,11 +468,7 @@ fn a_folder_with_compressed_models_is_refused() {
 /// Regression test: these frames were skipped, and the others were intact.
 #[test]
 fn a_folder_with_files_that_only_the_package_reads_is_refused() {
-    let folder = TempDir::new().unwrap();
-    let models = folder.path().join("models");
-    std::fs::create_dir(&models).unwrap();
-    crate::chain(&models, "f0.bcc", 0.5);
-    crate::chain(&models, "f1.bcc", 0.5);
+    let (_folder, models) = folder_of_two_models();
     std::fs::write(models.join("f2.vtp"), "").unwrap();
     let refused = linkwatch(&["check", text(&models)]);
     assert_eq!(refused.code, 2, "{}", refused.stderr);

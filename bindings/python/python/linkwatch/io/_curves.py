@@ -234,7 +234,8 @@ def unwrapped(points: Array, counts: list[int], cell: Array) -> tuple[Array, lis
     steps = _times(steps, to_cell.astype(steps.dtype))
     images = np.rint(steps)
     steps -= images
-    if max(steps.max(), -steps.min()) > CERTAIN:
+    most = max(steps.max(), -steps.min())
+    if most > CERTAIN:
         at = int(np.argmax(np.abs(steps).max(axis=1)))
         k = int(np.searchsorted(ends, at, side="right"))
         raise Unfit(
@@ -242,8 +243,7 @@ def unwrapped(points: Array, counts: list[int], cell: Array) -> tuple[Array, lis
             "cell, so its image would be a guess (`unwrap=False` takes coordinates as they are)"
         )
     # No lattice vector is shorter than the least singular value.
-    longest = np.abs(steps).max(axis=0) @ np.linalg.norm(vectors, axis=1)
-    if longest > 0.5 / np.linalg.norm(to_cell, 2):
+    if most * np.linalg.norm(vectors, axis=1).sum() > 0.5 / np.linalg.norm(to_cell, 2):
         _check_nearest(steps @ vectors, vectors)
     points = points.astype(np.float64)
     crossing = int(images.any(axis=1).sum()) if images.any() else 0

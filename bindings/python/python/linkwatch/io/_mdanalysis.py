@@ -181,11 +181,12 @@ def frames_of_atoms(
                     raise ValueError(f"{path}: only {read} of {len(trajectory)} frames can be read")
                 return
             read += 1
-            unfit, cell, positions = "", None, np.full((now.n_atoms, 3), np.nan, np.float32)
+            unfit, cell = "", None
             if now.has_positions:
                 positions = now.positions
             else:
                 unfit = "it has no positions"
+                positions = np.full((now.n_atoms, 3), np.nan, np.float32)
             if by_bonds and passed_over.has_other_bonds(now):
                 unfit = "it has other bonds than the first frame, whose bonds define the curves"
             try:
