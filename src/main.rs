@@ -1,5 +1,5 @@
 //! The command `linkwatch`: see `src/cli`.
 
 fn main() -> std::process::ExitCode {
-    linkwatch::run_command(std::env::args_os()).into()
+    linkwatch::run_command(std::env::args_os(), None).into()
 }

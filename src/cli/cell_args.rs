@@ -103,6 +103,11 @@ impl CellArgs {
         self.cell.cell.is_some()
     }
 
+    /// Returns the cell that the user gave; `Some(None)` ignores those of the frames.
+    pub fn given(&self) -> Option<Option<Cell>> {
+        self.cell.cell
+    }
+
     /// Returns true if the cells of the frames are ignored.
     pub fn ignores_cells(&self) -> bool {
         matches!(self.cell.cell, Some(None))

@@ -241,14 +241,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let mut files = Files::new(args.overwrite);
     files.reads(args.braid_args.file());
-    files.reads(&models);
-    files.reads(args.frames.format.bonds(&models));
+    files.reads(models.iter().flatten());
+    files.reads(args.frames.format.bonds(&models.concat()));
     for (option, file) in outputs {
         files.writes(option, file, Content::Text)?;
     }
     if let Some(folder) = &args.svg {
         std::fs::create_dir_all(folder).map_err(Error::file(folder))?;
-        let pictures = models.iter().map(|model| picture_of(model, folder));
+        let pictures = models
+            .iter()
+            .flatten()
+            .map(|model| picture_of(model, folder));
         files.writes("--svg", pictures, Content::Text)?;
     }
     args.frames.for_each(&models, single, |frame| {

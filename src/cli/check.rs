@@ -11,6 +11,7 @@ use super::run::{Baseline, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
 use crate::curve::Metric;
 use crate::curve::vector::{distance, per_axis};
+use linkwatch::formats::ReadOptions;
 use linkwatch::{AbortOn, Cell, CurveSet, Error, Events, Point, Result, SessionOptions};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
@@ -58,11 +59,11 @@ const MOST_AHEAD: usize = 64;
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let models = match &args.each_args.only {
-        Some(model) => vec![model.clone()],
+        Some(model) => vec![input::unpacked(model)?],
         None if args.each_args.each => {
             let compared = (&args.baseline, &args.event_args, &args.braid_args);
             let options = (&args.format, compared, &args.cell_args, args.early_exit);
-            let models = input::expand_models(&args.models)?;
+            let models = input::listed_models(&args.models)?;
             let certificate = match &args.baseline {
                 Some(Baseline::File(path)) => Some(path.as_path()),
                 _ => None,
@@ -80,7 +81,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     };
     let from_first_frame = !matches!(args.baseline, Some(Baseline::File(_)));
     let single = models.len() == 1 && !input::holds_frames(&models[0]);
-    let options = args.format.options(&args.cell_args);
+    let options = ReadOptions {
+        keep_order: args.keep_order,
+        one_motion: args.one_motion,
+        ..args.format.options(&args.cell_args)?
+    };
     let name = models[0].display().to_string();
     let metadata = BTreeMap::from([("models".to_owned(), models.len().to_string())]);
     let mut judge = Judge {
@@ -88,7 +93,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         abort_on: Some(AbortOn::Never),
         event_args: args.event_args.clone(),
         braid_args: args.braid_args.clone(),
-        cell_args: args.cell_args,
+        cell_args: args.format.cell_args(args.cell_args),
         // The models are files of the user, and no simulator runs on.
         max_pairs: Some(usize::MAX),
         ..Judge::default()
@@ -96,7 +101,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut files = judge.files(args.sinks.overwrite);
     files.reads(&models);
     files.reads(args.format.bonds(&models));
-    let mut frames = Sequence::new(models, options, args.one_motion);
+    let mut frames = Sequence::new(&models, options)?;
     let mut ahead = VecDeque::new();
     let far = args.is_far_apart(&mut frames, &mut ahead);
     let several = ahead.len() > 1;

@@ -7,7 +7,7 @@ use super::output::{self, count, plural};
 use super::run::MOTION_LIMIT;
 use super::sequence::{Frame, Sequence};
 use super::{Outcome, recorded};
-use linkwatch::formats::{Format, FrameWriter, ModelFrame};
+use linkwatch::formats::{Format, FrameWriter, ModelFrame, ReadOptions};
 use linkwatch::{
     Basis, Certifier, CurveSet, FrameInfo, LeftOut, Result, SessionOptions, chords,
     homotopic_polylines,
@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 /// Rewrite the frames of model files or of a recording in another format
 ///
 /// The extension of OUT determines the format. If that format holds one frame a file, and there are
-/// several, the number of the frame is added to the name of each file: OUT-00000.obj, .. Named
-/// curves that come and go are written to further archives: OUT.npz, OUT-2.npz, ..
+/// several, the number of the frame is added to the name of each file: OUT-00000.obj, .. Frames
+/// from which on there are other curves are written to further archives: OUT.npz, OUT-2.npz, ..
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Model files, folders or patterns of them, or a recording
@@ -60,13 +60,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         false => (Some(Format::to_write(&args.output)?), Content::Model),
     };
     files.writes("OUT", [&args.output], content)?;
-    let options = args.format.options(&args.cell_args);
-    let mut cells = Cells::new(args.cell_args);
+    let options = ReadOptions {
+        keep_order: args.keep_order,
+        one_motion: args.one_motion,
+        ..args.format.options(&args.cell_args)?
+    };
+    let mut cells = Cells::new(args.format.cell_args(args.cell_args));
     let part = match &inputs[..] {
         [one] => recorded::part(one).map(|part| part.number),
         _ => None,
     };
-    let mut sequence = Sequence::new(inputs, options, args.one_motion);
+    let mut sequence = Sequence::new(&inputs, options)?;
     let mut frames = sequence.by_ref().filter_map(|frame| match frame {
         Ok(frame) if frame.begins_run => Some(Err(usage!(
             "{}: this file and one before it have several frames each, so they may be runs of \
@@ -292,15 +296,15 @@ impl Converter {
         self.check_frames()
     }
 
-    /// Returns true if a frame belongs to the next file, because curves came, went or changed. An
-    /// archive of NumPy holds the same curves in all frames, and only named curves may change.
+    /// Returns true if a frame belongs to the next file, because curves came, went or changed: an
+    /// archive of NumPy holds the same curves in all frames.
     fn begins_file(&self, curves: &CurveSet, info: &FrameInfo) -> bool {
         let Some((last, last_info)) = &self.waiting else {
             return false;
         };
-        let is_named = |info: &FrameInfo| !info.labels.names.is_empty();
-        let is_same = last.counts().eq(curves.counts()) && last_info.labels == info.labels;
-        self.target == Some(Format::Npz) && is_named(info) && is_named(last_info) && !is_same
+        let kind = |set: &CurveSet| (set.basis(), set.precision());
+        let is_same = last.counts().eq(curves.counts()) && kind(last) == kind(curves);
+        self.target == Some(Format::Npz) && !(is_same && last_info.labels == info.labels)
     }
 
     /// Adds the invalid frames that no file counts yet to the skipped elements, so that the output

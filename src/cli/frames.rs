@@ -4,7 +4,7 @@ use super::cell_args::{CellArgs, Cells};
 use super::input::{self, FileFrames, FormatArgs};
 use super::{Outcome, output};
 use crate::verdict::words_of_frame;
-use linkwatch::formats::ModelFrame;
+use linkwatch::formats::{ModelFrame, ReadOptions};
 use linkwatch::{Cell, CurveSet, Error, LeftOut, Result, period};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -53,9 +53,10 @@ fn selection(text: &str) -> Result<Selection, &'static str> {
 }
 
 impl FrameArgs {
-    /// Returns the files and scenes.
-    pub fn models(&self) -> Result<Vec<PathBuf>> {
-        input::expand_models(&self.models)
+    /// Returns the scenes, and the files of each model.
+    pub fn models(&self) -> Result<Vec<Vec<PathBuf>>> {
+        let files = input::expand_models(&self.models)?;
+        input::groups(&files, &self.format.options(&self.cell_args)?)
     }
 
     /// Opens each model, and calls `run` for the frames that are chosen. Returns the worst outcome.
@@ -64,14 +65,15 @@ impl FrameArgs {
     /// one.
     pub fn for_each(
         &self,
-        models: &[PathBuf],
+        models: &[Vec<PathBuf>],
         single: Option<&str>,
         mut run: impl FnMut(Picked) -> Result<Outcome>,
     ) -> Result<Outcome> {
         let mut outcome = Outcome::Fine;
         let mut failed = None;
-        for model in models {
-            let selected = Selected::open(model, self);
+        let options = self.format.options(&self.cell_args)?;
+        for files in models {
+            let selected = Selected::open(files, self, &options);
             match selected.and_then(|frames| frames.each(single, &mut run)) {
                 Ok(of_model) => outcome = outcome.max(of_model),
                 Err(e) if failed.is_none() => failed = Some(e),
@@ -152,15 +154,16 @@ struct Selected {
 impl Selected {
     /// Opens a model file if the argument has the extension of one or names an existing file.
     /// Otherwise builds the scene that the argument describes.
-    fn open(argument: &Path, args: &FrameArgs) -> Result<Selected> {
-        let cells = args.cell_args;
+    fn open(files: &[PathBuf], args: &FrameArgs, options: &ReadOptions) -> Result<Selected> {
+        let cells = args.format.cell_args(args.cell_args);
+        let path = files.last().cloned().unwrap_or_default();
         Ok(Selected {
-            path: argument.to_owned(),
             selection: args.frame.unwrap_or_default(),
-            frames: input::open_or_build(argument, &args.format.options(&cells))?,
+            frames: input::open_or_build(files, options)?,
             ended: false,
             last: None,
-            numbered: input::holds_frames(argument),
+            numbered: input::holds_frames(&path),
+            path,
             several: false,
             left_out: Vec::new(),
             cells: Cells::new(cells),
@@ -283,7 +286,7 @@ impl Selected {
     }
 
     fn name(&self, frame: &ModelFrame) -> String {
-        let path = self.path.display();
+        let path = frame.file.as_ref().unwrap_or(&self.path).display();
         if !self.several && (!self.numbered || self.selection == Selection::All) {
             return path.to_string();
         }
@@ -306,7 +309,7 @@ impl Selected {
             set.check_whole(cell)?;
         }
         Ok(Picked {
-            model: self.path.clone(),
+            model: frame.file.unwrap_or_else(|| self.path.clone()),
             name,
             curves: set,
             radii: frame.info.labels.radii.clone(),

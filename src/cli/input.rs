@@ -3,7 +3,7 @@
 use super::cell_args::CellArgs;
 use super::order;
 use super::recorded::Recorded;
-use linkwatch::formats::{Frames, ModelFrame, ReadOptions};
+use linkwatch::formats::{Format, Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
 use linkwatch::{CurveSet, Error, LeftOut, RecordingReader, Result, formats};
 use std::path::{Path, PathBuf};
@@ -37,6 +37,12 @@ pub struct FormatArgs {
     /// Topic to read of an MCAP file of another program, if several have curves
     #[arg(long, value_name = "TOPIC", hide_short_help = true)]
     topic: Option<String>,
+    /// Atoms of molecules to read, in the language of MDAnalysis: 'name CA'
+    #[arg(long, value_name = "ATOMS", hide_short_help = true)]
+    select: Option<String>,
+    /// Format of the files, if their names do not tell it: a name of `linkwatch.io.FORMATS`
+    #[arg(long, value_name = "NAME", hide_short_help = true)]
+    format: Option<String>,
 }
 
 impl FormatArgs {
@@ -50,18 +56,51 @@ impl FormatArgs {
         models.filter_map(move |model| options.bonds_of(model))
     }
 
-    /// Returns the options of a reader. Curves that are torn at a periodic boundary are not refused
-    /// if the user says whether coordinates are wrapped.
-    pub fn options(&self, cells: &CellArgs) -> ReadOptions {
-        ReadOptions {
-            bonds: self.bonds.clone(),
+    /// Returns the options of cells, which say that curves stay open if `--closed=false` does.
+    pub fn cell_args(&self, mut cells: CellArgs) -> CellArgs {
+        cells.keep_open |= self.closed == Some(false);
+        cells
+    }
+
+    /// Returns the options of a reader.
+    pub fn options(&self, cells: &CellArgs) -> Result<ReadOptions> {
+        Ok(ReadOptions {
+            bonds: self.bonds.as_deref().map(unpacked).transpose()?,
             counts: self.counts.clone(),
             closed: self.closed,
             topic: self.topic.clone(),
-            wrapped: cells.wrapped.is_some(),
-            has_cell: cells.gives_cell(),
-        }
+            wrapped: cells.wrapped,
+            cell: cells.given(),
+            keep_open: cells.keep_open,
+            keep_order: false,
+            one_motion: true,
+            select: self.select.clone(),
+            format: self.format.clone(),
+        })
     }
+}
+
+/// Returns a file with the content of a compressed one, if this process can unpack it. Others are
+/// returned as they are.
+pub fn unpacked(file: &Path) -> Result<PathBuf> {
+    match formats::reader().filter(|_| has_extension(file, &COMPRESSED) && file.is_file()) {
+        Some(reader) => reader.unpacked(file),
+        None => Ok(file.into()),
+    }
+}
+
+/// Divides files into those that are read together, such as a topology and its trajectories.
+pub fn groups(files: &[PathBuf], options: &ReadOptions) -> Result<Vec<Vec<PathBuf>>> {
+    let format = options.format.as_deref();
+    let sizes = match formats::reader() {
+        Some(reader) if format.is_some() || !files.iter().all(|file| Format::is_certain(file)) => {
+            reader.groups(files, format)?
+        }
+        _ => vec![1; files.len()],
+    };
+    let mut files = files.iter().cloned();
+    let sizes = sizes.into_iter();
+    Ok(sizes.map(|n| files.by_ref().take(n).collect()).collect())
 }
 
 /// Warns of elements of a file that were not read, once for each kind. `known` has the kinds that
@@ -99,12 +138,14 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
             let models = models_in(argument)?;
             check_one_format(argument, &models)?;
             files.extend(models);
-        } else if !argument.exists() && argument.to_string_lossy().contains(['*', '?', '[']) {
-            files.extend(matches(argument)?);
         } else {
-            files.push(argument.clone());
+            files.extend(listed(argument)?);
         }
     }
+    let mut files = files
+        .iter()
+        .map(|file| unpacked(file))
+        .collect::<Result<Vec<_>>>()?;
     let is_sorted = !keep_order && order::sort(&mut files);
     if is_sorted || !keep_order && order::is_unclear(&files) {
         let shown = files.iter().map(|file| file.display().to_string());
@@ -130,18 +171,27 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
 /// Same as [`expand`] for models that are no frames of one motion: they keep their order, and a
 /// folder may hold several formats.
 pub fn expand_models(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let models = listed_models(arguments)?;
+    models.iter().map(|model| unpacked(model)).collect()
+}
+
+/// Same as [`expand_models`], but compressed files stay as they are.
+pub fn listed_models(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let files = arguments.iter().map(|argument| match argument.is_dir() {
         true => models_in(argument),
-        false => expand(std::slice::from_ref(argument), true),
+        false => listed(argument),
     });
     Ok(files.collect::<Result<Vec<_>>>()?.concat())
 }
 
 /// Extensions of files with curves that only the Python package reads, and that hold nothing else.
-const OF_PACKAGE: [&str; 20] = [
+const OF_PACKAGE: [&str; 24] = [
     "dcd", "gsd", "h5md", "hair", "ncdf", "pdb", "poly", "pvd", "pvtp", "pvtu", "tg3", "tng",
-    "trr", "trz", "vtk", "vtm", "vtp", "vtu", "xdmf", "xtc",
+    "trr", "trz", "usd", "usda", "usdc", "usdz", "vtk", "vtm", "vtp", "vtu", "xdmf", "xtc",
 ];
+
+/// Extensions of compressed files that an external reader unpacks.
+const COMPRESSED: [&str; 3] = ["gz", "bz2", "xz"];
 
 /// Returns true if a file has one of these extensions.
 pub fn has_extension(file: &Path, extensions: &[&str]) -> bool {
@@ -153,15 +203,17 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let refuse = |why: String| usage!("{}: {why}", folder.display());
     let entries = std::fs::read_dir(folder).map_err(|e| refuse(e.to_string()))?;
     let files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-    let is_model = |file: &PathBuf| match formats::Format::of(file) {
+    let is_model = |file: &PathBuf| match Format::of(file) {
         // A folder may have tables of numbers, which are no points.
-        Ok(format) => file.is_file() && format != formats::Format::Points,
+        Ok(Format::Points) => false,
+        Ok(Format::External) => has_extension(file, &OF_PACKAGE),
+        Ok(_) => file.is_file(),
         // USD, which is refused when it is opened.
         Err(e) => matches!(e, Error::InFile { .. }),
     };
     let (mut models, others): (Vec<_>, Vec<_>) = files.into_iter().partition(is_model);
     models.sort();
-    let format = models.first().map(|model| formats::Format::of(model));
+    let format = models.first().map(|model| Format::of(model));
     if let Some(file) = others.iter().find(|file| is_compressed(file, &format)) {
         let advice = "is compressed: decompress it, or give a pattern or the files";
         return Err(refuse(format!("{} {advice}", file.display())));
@@ -179,14 +231,14 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// Returns true if a file is a compressed model, of the same format as the others if there are any.
-fn is_compressed(file: &Path, others: &Option<Result<formats::Format>>) -> bool {
+fn is_compressed(file: &Path, others: &Option<Result<Format>>) -> bool {
     const SUFFIXES: [&str; 7] = ["gz", "xz", "bz2", "zst", "lz4", "zip", "z"];
     let plain = file.with_extension("");
     let fits = |format| match others {
         Some(Ok(other)) => format == *other,
         _ => true,
     };
-    has_extension(file, &SUFFIXES) && !plain.exists() && formats::Format::of(&plain).is_ok_and(fits)
+    has_extension(file, &SUFFIXES) && !plain.exists() && Format::of(&plain).is_ok_and(fits)
 }
 
 /// Checks that the models of a folder may be frames of one motion.
@@ -200,6 +252,14 @@ fn check_one_format(folder: &Path, models: &[PathBuf]) -> Result<()> {
             let what = format!("models of several formats ({a}, {b})");
             Err(usage!("{folder}: {what}: give a pattern, or the files"))
         }
+    }
+}
+
+/// Returns the files that a pattern matches, or the argument.
+fn listed(argument: &Path) -> Result<Vec<PathBuf>> {
+    match !argument.exists() && argument.to_string_lossy().contains(['*', '?', '[']) {
+        true => matches(argument),
+        false => Ok(vec![argument.into()]),
     }
 }
 
@@ -230,7 +290,7 @@ fn begins_as_mcap(path: &Path) -> bool {
 
 /// Returns true if a file of this name may hold several frames.
 pub fn holds_frames(path: &Path) -> bool {
-    is_mcap(path) || formats::Format::of(path).is_ok_and(formats::Format::holds_frames)
+    is_mcap(path) || Format::of(path).is_ok_and(Format::holds_frames)
 }
 
 /// Returns true if a file is to be read as a recording of linkwatch: it is one by its content, or
@@ -291,19 +351,22 @@ impl Iterator for FileFrames {
     }
 }
 
-/// Opens a model file or a recording.
-pub fn open(path: &Path, options: &ReadOptions) -> Result<FileFrames> {
-    if is_mcap(path) && is_recording(path)? {
+/// Opens a model file, a recording, or files that are read together.
+pub fn open(files: &[PathBuf], options: &ReadOptions) -> Result<FileFrames> {
+    let [path] = files else {
+        return Ok(FileFrames::Model(Frames::open_together(files, options)?));
+    };
+    if options.format.is_none() && is_mcap(path) && is_recording(path)? {
         return Ok(FileFrames::Recording(Box::new(Recorded::open(path)?)));
     }
     Ok(FileFrames::Model(Frames::open(path, options)?))
 }
 
 /// Same as [`open`]; an argument that is no file is a scene of one frame.
-pub fn open_or_build(argument: &Path, options: &ReadOptions) -> Result<FileFrames> {
-    match open(argument, options) {
-        Err(Error::UnknownModel { .. }) if !argument.exists() => {
-            let frame = ModelFrame::new(0, Ok(scene(argument)?));
+pub fn open_or_build(files: &[PathBuf], options: &ReadOptions) -> Result<FileFrames> {
+    match open(files, options) {
+        Err(Error::UnknownModel { path }) if !path.exists() => {
+            let frame = ModelFrame::new(0, Ok(scene(&path)?));
             Ok(FileFrames::Scene(Some(Box::new(frame))))
         }
         frames => frames,

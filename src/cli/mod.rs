@@ -55,6 +55,7 @@ mod watch;
 pub use order::sort_by_number;
 
 use clap::{ArgAction, Parser, Subcommand};
+use linkwatch::formats::ExternalReader;
 use linkwatch::{Result, Verdict};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
@@ -182,11 +183,15 @@ impl Outcome {
 }
 
 /// Parses the arguments, the first of which is the name of the program, and runs the command.
-/// Returns the exit code.
+/// Returns the exit code. `reader` reads formats that the command does not know.
 ///
 /// Installs signal handlers and the global subscriber of log messages, so that a process can call
 /// it only once.
-pub fn run_command(args: impl IntoIterator<Item = OsString>) -> u8 {
+pub fn run_command(
+    args: impl IntoIterator<Item = OsString>,
+    reader: Option<Box<dyn ExternalReader>>,
+) -> u8 {
+    reader.map(linkwatch::formats::install);
     let cli = match arguments::parse(args) {
         Ok(cli) => cli,
         Err(text) => {

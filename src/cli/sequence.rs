@@ -17,8 +17,9 @@ use std::sync::Arc;
 #[derive(Default)]
 pub struct Sequence {
     options: ReadOptions,
-    files: VecDeque<PathBuf>,
-    /// True if there is one file, whose frames keep their numbers.
+    /// Files that are read together.
+    files: VecDeque<Vec<PathBuf>>,
+    /// True if there is one file (or one group), whose frames keep their numbers.
     single: bool,
     /// True if all files are one motion.
     one_motion: bool,
@@ -102,16 +103,16 @@ impl Frame {
 }
 
 impl Sequence {
-    /// Prepares to read files, which [`input::expand`] returned. `one_motion` is true if files of
-    /// several frames continue one another.
-    pub fn new(files: Vec<PathBuf>, options: ReadOptions, one_motion: bool) -> Sequence {
-        Sequence {
-            options,
+    /// Prepares to read files, which [`input::expand`] returned.
+    pub fn new(files: &[PathBuf], options: ReadOptions) -> Result<Sequence> {
+        let files = input::groups(files, &options)?;
+        Ok(Sequence {
             single: files.len() == 1,
-            one_motion,
+            one_motion: options.one_motion,
+            options,
             files: files.into(),
             ..Sequence::default()
-        }
+        })
     }
 
     /// Returns true if frames after the last one are not in its file.
@@ -128,8 +129,9 @@ impl Sequence {
     }
 
     /// Opens the next file. Its first two frames show if it has several.
-    fn open(&mut self, path: PathBuf) -> Result<File> {
-        let mut frames = input::open(&path, &self.options)?;
+    fn open(&mut self, files: &[PathBuf]) -> Result<File> {
+        let mut frames = input::open(files, &self.options)?;
+        let path = files.last().cloned().unwrap_or_default();
         let part = input::is_mcap(&path).then(|| recorded::part(&path));
         let ends_in_gap = self.ends_in_gap();
         let (part, last) = (part.flatten(), self.last.take());
@@ -202,8 +204,8 @@ impl Sequence {
                     recorded,
                 });
             }
-            let path = self.files.pop_front()?;
-            match self.open(path) {
+            let files = self.files.pop_front()?;
+            match self.open(&files) {
                 Ok(file) => {
                     self.current = Some(file);
                     self.left_out.clear();
@@ -226,9 +228,10 @@ impl Sequence {
     /// and its trajectories are converted together.
     fn with_unknown(&mut self, path: PathBuf) -> PathBuf {
         let mut all = path.into_os_string();
-        let is_unknown =
-            |path: &mut PathBuf| matches!(Format::of(path), Err(Error::UnknownModel { .. }));
-        while let Some(next) = self.files.pop_front_if(is_unknown) {
+        let is_unknown = |files: &mut Vec<PathBuf>| {
+            matches!(Format::of(&files[0]), Err(Error::UnknownModel { .. }))
+        };
+        for next in std::iter::from_fn(|| self.files.pop_front_if(is_unknown)).flatten() {
             all.push(" ");
             all.push(next);
         }
@@ -303,7 +306,9 @@ impl Iterator for Sequence {
             }
         }
         input::warn_of_new(&path, &mut self.left_out, &frame.info.left_out);
-        let name = match input::holds_frames(&path) {
+        let is_alone = frame.file.is_some();
+        let path = frame.file.unwrap_or(path);
+        let name = match !is_alone && input::holds_frames(&path) {
             true => format!("{}, frame {}", path.display(), frame.info.seq),
             false => path.display().to_string(),
         };

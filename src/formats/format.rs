@@ -4,7 +4,7 @@ use super::frames::{ModelFrame, ReadOptions, Source};
 use super::input::{BYTE_ORDER_MARK, is_utf16};
 #[cfg(feature = "mcap")]
 use super::mcap;
-use super::{MODEL_FILES, bcc, lammps, numpy, obj, open, open_text, points, vect, xyz};
+use super::{MODEL_FILES, bcc, external, lammps, numpy, obj, open, open_text, points, vect, xyz};
 use crate::error::{Error, Result};
 use std::io::BufRead;
 use std::path::Path;
@@ -33,6 +33,8 @@ pub enum Format {
     Mcap,
     /// Plain text: columns `x y z`.
     Points,
+    /// A format of the [`ExternalReader`](super::ExternalReader) of this process.
+    External,
 }
 
 /// Extensions of the formats; [`MODEL_FILES`] lists them for messages.
@@ -87,6 +89,10 @@ impl Format {
             let (path, advice) = (path.into(), advice_on(path));
             return Err(Error::Folder { path, advice });
         }
+        let other = external::reader().filter(|_| !Format::is_certain(path) && path.is_file());
+        if other.is_some_and(|other| other.reads(path)) {
+            return Ok(Format::External);
+        }
         if is_usd(path) {
             return Err(needs_python(path));
         }
@@ -124,6 +130,12 @@ impl Format {
         Some(EXTENSIONS.iter().find(is_known)?.1)
     }
 
+    /// Returns true if the extension of a file tells its format: no other reader has it.
+    pub(crate) fn is_certain(path: &Path) -> bool {
+        let format = Format::of_extension(path);
+        format.is_some_and(|format| format != Format::LammpsData)
+    }
+
     /// Returns the format that the name of a file suggests.
     pub(super) fn named(path: &Path) -> Option<Format> {
         Format::of_extension(path).or_else(|| {
@@ -135,14 +147,15 @@ impl Format {
     }
 
     /// Fails if an option is given that this format does not have.
-    fn check(self, options: &ReadOptions) -> Result<()> {
-        use Format::{LammpsDump, Mcap, Npy, Npz, Points, Xyz};
+    pub(super) fn check(self, options: &ReadOptions) -> Result<()> {
+        use Format::{External, LammpsDump, Mcap, Npy, Npz, Points, Xyz};
         let (bonds, counts) = (options.bonds.is_some(), options.counts.is_some());
         let (closed, topic) = (options.closed.is_some(), options.topic.is_some());
         let name = match self {
             _ if bonds && self != LammpsDump => "bonds",
             _ if counts && !matches!(self, Npy | Npz | Points | Xyz) => "counts",
-            _ if closed && !matches!(self, LammpsDump | Points | Xyz) => "closed",
+            _ if closed && !matches!(self, LammpsDump | Points | Xyz | External) => "closed",
+            _ if options.select.is_some() && self != External => "select",
             _ if topic && self != Mcap => "topic",
             _ => return Ok(()),
         };
@@ -167,6 +180,7 @@ impl Format {
                 xyz::read(open_text(path)?, options)
             }
             Format::Xyz | Format::Points => points::read(open_text(path)?, options),
+            Format::External => Err(Error::UnknownModel { path: path.into() }),
             #[cfg(feature = "mcap")]
             Format::Mcap => mcap::open(path, options),
             #[cfg(not(feature = "mcap"))]

@@ -4,8 +4,8 @@
 //! motion. [`Frames`] reads both alike, one frame at a time, so that the memory is that of a frame
 //! and not that of the file (unless the format has to be read as a whole).
 
-use super::{Format, lammps};
-use crate::curve::CurveSet;
+use super::{Format, external, lammps};
+use crate::curve::{Cell, CurveSet};
 use crate::error::Result;
 use crate::ingest::FrameInfo;
 use std::path::{Path, PathBuf};
@@ -23,11 +23,23 @@ pub struct ReadOptions {
     pub closed: Option<bool>,
     /// Topic of an MCAP file, if several have curves.
     pub topic: Option<String>,
-    /// True if coordinates may be wrapped into the periodic cell: the caller unwraps the curves, so
-    /// curves that are torn at the boundary are not refused.
-    pub wrapped: bool,
-    /// True if the caller has the cell of the frames, so that none in another form is missed.
-    pub has_cell: bool,
+    /// True or false if the caller knows whether coordinates are wrapped into the periodic cell,
+    /// and unwraps them: curves that are torn at the boundary are then not refused.
+    pub wrapped: Option<bool>,
+    /// Cell that the caller uses instead of that of the frames, so that none in another form is
+    /// missed; `Some(None)` if it ignores that.
+    pub cell: Option<Option<Cell>>,
+    /// True if curves stay open that end where they start. Only an
+    /// [`ExternalReader`](super::ExternalReader) closes them.
+    pub keep_open: bool,
+    /// True if files that are read together keep their order.
+    pub keep_order: bool,
+    /// True if files of several frames each that are read together continue one another.
+    pub one_motion: bool,
+    /// Atoms to read of molecules, for an [`ExternalReader`](super::ExternalReader).
+    pub select: Option<String>,
+    /// Format of the files, for an [`ExternalReader`](super::ExternalReader).
+    pub format: Option<String>,
 }
 
 impl ReadOptions {
@@ -49,6 +61,11 @@ pub struct ModelFrame {
     pub info: FrameInfo,
     /// The curves, or the reason why this frame is invalid although later ones can be read.
     pub curves: Result<CurveSet>,
+    /// File of the frame, if files of one frame each are read together.
+    pub file: Option<PathBuf>,
+    /// What an [`ExternalReader`](super::ExternalReader) says of the file, unless it has before:
+    /// curves that it closed or unwrapped.
+    pub notes: Vec<String>,
     /// True if frames before it are not in the file, so that the step to it is unknown.
     #[cfg(feature = "cli")]
     pub(crate) after_gap: bool,
@@ -65,6 +82,8 @@ impl ModelFrame {
         ModelFrame {
             info,
             curves,
+            file: None,
+            notes: Vec::new(),
             #[cfg(feature = "cli")]
             after_gap: false,
         }
@@ -112,11 +131,32 @@ impl Frames {
     ///
     /// The errors of [`super::read`], as far as they show before the first frame is read.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Frames> {
-        let source = Format::of(path)?.open(path, options);
-        Ok(Frames {
-            path: path.into(),
-            source: Some(source.map_err(|e| e.in_file(path))?),
-        })
+        let format = match options.format {
+            Some(_) => Format::External,
+            None => Format::of(path)?,
+        };
+        if format == Format::External {
+            return Frames::open_together(&[path.into()], options);
+        }
+        let source = format.open(path, options).map_err(|e| e.in_file(path))?;
+        Ok(Frames::new(path.into(), source))
+    }
+
+    /// Opens files together by the [`ExternalReader`](super::ExternalReader) of this process.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`ExternalReader::open`](super::ExternalReader::open);
+    /// [`Error::Unsupported`](crate::Error::Unsupported) if there is no such reader.
+    pub fn open_together(files: &[PathBuf], options: &ReadOptions) -> Result<Frames> {
+        let checked = Format::External.check(options);
+        checked.map_err(|e| e.in_file(files.last().cloned().unwrap_or_default()))?;
+        external::open(files, options)
+    }
+
+    pub(super) fn new(path: PathBuf, source: Source<'static>) -> Frames {
+        let source = Some(source);
+        Frames { path, source }
     }
 }
 

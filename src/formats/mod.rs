@@ -29,6 +29,7 @@ mod bcc;
 mod chains;
 #[cfg(feature = "mcap")]
 pub(crate) mod container;
+mod external;
 mod format;
 mod frames;
 mod input;
@@ -46,6 +47,10 @@ mod xyz;
 
 pub use crate::error::MODEL_FILES;
 pub use bcc::write_bcc;
+#[cfg(feature = "cli")]
+pub(crate) use external::install;
+pub(crate) use external::reader;
+pub use external::{ExternalFrames, ExternalReader};
 pub use format::Format;
 pub use frames::{Frames, ModelFrame, ReadOptions};
 pub use write::FrameWriter;

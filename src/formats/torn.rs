@@ -8,7 +8,7 @@ use crate::periodic::find_torn;
 impl ModelFrame {
     /// Curves that the cell of the frame tears make it invalid, unless the caller unwraps them.
     pub(super) fn check_torn(mut self, options: &ReadOptions, format: &'static str) -> ModelFrame {
-        let cell = self.info.cell.filter(|_| !options.wrapped);
+        let cell = self.info.cell.filter(|_| options.wrapped.is_none());
         self.curves = self.curves.and_then(|set| {
             let torn = cell.map_or(Ok(None), |cell| find_torn(&set, &cell, 0..set.len()))?;
             torn.map_or(Ok(set), |torn| Err(Error::unsupported(format, torn)))

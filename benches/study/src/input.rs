@@ -11,7 +11,7 @@ pub fn read(argument: &str) -> Result<CurveSet> {
     let path = Path::new(argument);
     let mut options = ReadOptions::default();
     // Torn curves are refused for their cell.
-    options.wrapped = true;
+    options.wrapped = Some(true);
     let mut frames = match Frames::open(path, &options) {
         Err(Error::UnknownModel { .. }) if !path.exists() => return scene(argument),
         frames => frames?,

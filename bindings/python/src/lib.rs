@@ -5,13 +5,14 @@ mod call;
 mod certificate;
 mod client;
 mod frame;
+mod reader;
 mod result;
 mod session;
 mod strands;
 
 use pyo3::prelude::*;
 use std::ffi::OsString;
-use std::panic::catch_unwind;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 
 #[pymodule]
@@ -37,11 +38,13 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
 }
 
 /// Runs the command `linkwatch`, once in a process. The first argument is the name of the program.
-/// Returns the exit code.
+/// The reader is a `linkwatch._command.Reader`. Returns the exit code.
 #[pyfunction]
-fn command(py: Python<'_>, args: Vec<OsString>) -> u8 {
+fn command(py: Python<'_>, args: Vec<OsString>, reader: Py<PyAny>) -> u8 {
+    let reader = Some(Box::new(reader::PackageReader(reader)) as _);
+    let run = AssertUnwindSafe(|| linkwatch::run_command(args, reader));
     // The code of a panic in a binary. The code 1 of an exception means a changed topology.
-    py.detach(|| catch_unwind(|| linkwatch::run_command(args)).unwrap_or(101))
+    py.detach(|| catch_unwind(run).unwrap_or(101))
 }
 
 /// Returns paths sorted by the numbers in them.

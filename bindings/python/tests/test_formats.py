@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from conftest import COMMAND, PATIENCE
 from linkwatch import io
-from linkwatch._command import OWN, convert, main
+from linkwatch._command import main
 from test_command import run
 
 # Rings of 12 points; one is in the plane z = 0, the other one in y = 0.
@@ -345,6 +345,47 @@ def test_the_command_reads_files_of_the_package(tmp_path):
     assert code == 0 and "writhe" in said, err
 
 
+def test_results_of_the_command_name_the_files_that_the_package_reads(tmp_path):
+    # Regression test: they had the name of a temporary archive.
+    moved = ply().replace(rows(POINTS).encode(), rows(POINTS + [0.1, 0, 0]).encode())
+    files = [written(tmp_path, f"{k}.ply", content) for k, content in enumerate((ply(), moved))]
+    code, out, err = run("check", "--json", *files, "--junit", tmp_path / "junit.xml")
+    lines = [json.loads(line) for line in out.splitlines()]
+    assert [line["model"] for line in lines if "report" in line] == [*map(str, files)], err
+    text = (tmp_path / "junit.xml").read_text()
+    assert code == 0 and "linkwatch-" not in text and str(files[1]) in text, text
+
+
+def test_a_folder_of_files_of_the_package_is_read(tmp_path):
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    files = [written(folder, f"{k}.vtk", vtk()) for k in (9, 10)]
+    written(folder, "notes.inp", "")
+    code, out, err = run("check", folder)
+    assert code == 0, err
+    assert out.startswith("".join(f"{file}: intact\n" for file in files)), out
+
+
+def test_frames_before_a_damaged_file_have_their_verdicts(tmp_path):
+    # Regression test: there was no verdict at all.
+    moved = POINTS + np.repeat([[0, 0, 0], [2.5, 0, 0]], 12, axis=0)
+    apart = ply().replace(rows(POINTS).encode(), rows(moved).encode())
+    contents = (ply(), apart, ply()[:-20])
+    files = [written(tmp_path, f"{k}.ply", content) for k, content in enumerate(contents)]
+    code, out, err = run("check", *files, "--events=off")
+    assert code == 2 and f"{files[1]}: changed" in out, (out, err)
+    assert err.splitlines()[-1].startswith(f"error: {files[2]}: ")
+
+
+def test_compressed_certificates_are_baselines(tmp_path):
+    path = written(tmp_path, "a.ply", ply())
+    certificate = tmp_path / "certificate.txt"
+    assert run("certify", path, "-o", certificate)[0] == 0
+    packed = written(tmp_path, "certificate.txt.gz", gzip.compress(certificate.read_bytes()))
+    code, out, err = run("check", path, "--baseline", packed)
+    assert (code, out) == (0, f"{path}: intact\n"), (code, out, err)
+
+
 def test_files_of_the_package_have_the_general_options(tmp_path):
     """Regression test: general options raised errors for these files."""
     paths = [written(tmp_path, f"-{k}.ply", ply()) for k in range(2)]
@@ -356,7 +397,7 @@ def test_files_of_the_package_have_the_general_options(tmp_path):
     code, out, err = run("convert", "--json", *paths, archive)
     assert code == 0 and json.loads(out)["frames"] == 2, err
     code, out, err = run("-q", "convert", *paths, archive, "--force", "--keep-order", "-v")
-    assert (code, out, err) == (0, "", "") and len(linkwatch.read(archive)) == 2
+    assert (code, err) == (0, "") and len(linkwatch.read(archive)) == 2, out
     code, out, err = run("convert", *paths, archive, "--frame", "1", "--force")
     assert code == 0 and len(linkwatch.read(archive)) == 1, err
     code, out, err = run("convert", *paths, archive, "--frame=2", "--force")
@@ -369,7 +410,7 @@ def test_files_of_the_package_have_the_general_options(tmp_path):
     code, out, err = run("--json", "measure", "writhe", paths[0])
     assert code == 0 and '"writhe"' in out, (out, err)
     code, out, err = run("check", "--each", "--select", "name C", *paths)
-    assert code == 2 and "--select has no effect with --each" in err
+    assert code == 2 and "`select` is no option for files of the format ply" in out, (out, err)
 
 
 def test_each_file_of_the_package_is_a_run_of_its_own(tmp_path):
@@ -391,7 +432,7 @@ def test_each_file_of_the_package_is_a_run_of_its_own(tmp_path):
 
 def test_the_command_reads_its_own_files_without_the_readers():
     suffixes = " ".join(one.suffixes for one in io.FORMATS).split()
-    assert not set(suffixes) & set(OWN)
+    assert not set(suffixes) & set(io.OWN)
 
 
 def test_a_collection_of_paraview_has_times(tmp_path):
@@ -480,7 +521,7 @@ def test_only_the_suffix_or_the_contents_of_coils_tell_the_format(tmp_path):
         assert code == 0 and certificate.read_text() == "2 # lines: 1\n0,1,-1\n", (out, err)
     for file in (path, tmp_path / "coils.npz"):
         code, out, err = run("check", "--baseline", certificate, file)
-        assert code == 0 and "frame 0: intact" in out, (out, err)
+        assert code == 0 and ": intact" in out, (out, err)
 
 
 def test_open_curves_are_closed_only_on_request(tmp_path):
@@ -671,13 +712,13 @@ def test_edges_that_share_no_point_are_joined_by_their_places(tmp_path):
         ("a.pvd", "<a><DataSet file='b'/></a>", "not a valid collection"),
     ],
 )
-def test_a_damaged_file_is_refused(tmp_path, capsys, name, content, words):
+def test_a_damaged_file_is_refused(tmp_path, name, content, words):
     path = written(tmp_path, name, content)
     with pytest.raises(ValueError, match=words) as error:
         linkwatch.read(path)
     assert str(error.value).startswith(str(path))
-    assert convert([str(path), str(tmp_path / "out.npz")]) == 2
-    assert capsys.readouterr().err.startswith(f"error: {path}")
+    code, out, err = run("convert", path, tmp_path / "out.npz")
+    assert (code, out) == (2, "") and err.startswith(f"error: {path}"), (out, err)
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -817,7 +858,7 @@ def test_an_exception_ends_the_command_with_2(monkeypatch, capsys, kind):
     def fail(*_):
         raise kind("a\nb")
 
-    monkeypatch.setattr("linkwatch._command._run", fail)
+    monkeypatch.setattr("linkwatch._command.command", fail)
     monkeypatch.setattr("sys.argv", ["linkwatch", "certify", "a.bcc"])
     assert main() == 2
     assert capsys.readouterr().err.splitlines()[-1].startswith(f"error: {kind.__name__}: ")
@@ -973,16 +1014,20 @@ def test_files_keep_their_order_on_request(tmp_path):
         assert code == 1 and baseline == (number == 2), (out, err)
 
 
-def test_files_of_the_package_are_not_mixed_with_others(tmp_path):
+def test_files_of_the_package_and_others_are_frames_in_the_order_that_is_given(tmp_path):
     """Regression test: files that only the command reads always came first."""
     path = written(tmp_path, "a.ply", ply())
-    other = written(tmp_path, "a.obj", TEXT["a.obj"])
-    code, out, err = run("check", path, other, "--one-motion", "--keep-order")
-    assert (code, out) == (2, "") and "but the command reads" in err and "a.obj: convert" in err
+    moved = POINTS + np.repeat([[0, 0, 0], [9, 0, 0]], 12, axis=0)
+    vertices = "".join(f"v {row}\n" for row in rows(moved).splitlines())
+    lines = "".join("l " + " ".join(str(k + 1) for k in loop) + "\n" for loop in LOOPS)
+    other = written(tmp_path, "b.obj", vertices + lines)
+    for files, change in (((path, other), "was -1, is 0"), ((other, path), "was 0, is -1")):
+        code, out, err = run("check", *files, "--events=off")
+        assert code == 1 and change in out and f"{files[1]}: " in out, (out, err)
     # Regression test: the option joined two rings that are separate in the file.
     for option in ("--counts=-24", "--counts"):
         code, out, err = run("check", path, path, option, *["-24"] * (option == "--counts"))
-        assert (code, out) == (2, "") and "--counts is no option for" in err, (out, err)
+        assert (code, out) == (2, "") and "`counts`, which this format does not have" in err
 
 
 @pytest.mark.parametrize(
@@ -1017,10 +1062,11 @@ def test_the_command_checks_all_frames_if_curves_change(tmp_path):
     code, out, err = run("certify", *files, "--frame=0..1")
     assert code == 0 and "frame 1" in out and "frame 2" not in out, (out, err)
     assert "no frame 9" in run("certify", *files, "--frame=9")[2]
-    # Regression test: the error did not say what to do.
-    code, out, err = run("convert", "--json", *files, tmp_path / "a.npz")
-    assert (code, out) == (2, "") and "convert without --json, which writes further files" in err
-    assert run("convert", *files, tmp_path / "a.npz")[0] == 0 and (tmp_path / "a-2.npz").exists()
+    archives = [str(tmp_path / name) for name in ("a.npz", "a-2.npz")]
+    code, out, err = run("convert", "--json", *files, archives[0])
+    assert code == 0 and json.loads(out)["files"] == archives, (out, err)
+    again, out, err = run("check", *archives, "--one-motion")
+    assert again == 3 and "the curves changed between frames" in out, (again, out, err)
 
 
 def test_a_check_keeps_curves_open_that_the_reader_keeps_open(tmp_path):

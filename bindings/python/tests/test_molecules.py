@@ -188,7 +188,7 @@ def test_frames_of_gsd_files_with_other_bonds_are_rejected(tmp_path):
     frames = linkwatch.read(tmp_path / "a.gsd", tmp_path / "a.gsd", tmp_path / "b.gsd")
     assert [frame.rejected for frame in frames] == [None, None, other, None, other]
     code, out, err = run("check", tmp_path / "a.gsd")
-    assert code == 3 and "3 frames verified, 1 rejected" in out and other in err, (out, err)
+    assert code == 3 and "3 frames verified, 1 rejected" in out and other in out, (out, err)
 
 
 def test_all_models_of_a_pdb_file_have_the_cell_before_them(tmp_path):

@@ -1,5 +1,6 @@
 """USD stages, which Pixar's library writes and linkwatch.io reads."""
 
+import json
 import math
 import sys
 
@@ -508,6 +509,8 @@ def test_an_invalid_frame_does_not_hide_later_ones(stage, tmp_path):
     out = tmp_path / "a.npz"
     assert run("convert", saved(stage), out)[0] == 3
     code, said, _ = run("check", out)
+    assert code == 3 and "2 invalid frames (the first one: " in said
+    code, said, _ = run("check", saved(stage))
     assert (code, said.count("rejected\n")) == (3, 2)
 
 
@@ -518,14 +521,17 @@ def test_curves_that_come_and_go_are_several_files_of_one_motion(stage, tmp_path
         prim.GetCurveVertexCountsAttr().Set([len(loop) for loop in loops], time)
         prim.GetPointsAttr().Set(np.concatenate(loops), time)
     out = tmp_path / "a.npz"
-    code, _, err = run("convert", saved(stage), out)
+    code, said, err = run("convert", saved(stage), out)
     assert code == 0, err
     names = [out, tmp_path / "a-2.npz", tmp_path / "a-3.npz"]
-    assert "linkwatch check " + " ".join(map(str, names)) + " --one-motion" in err
+    assert "linkwatch check " + " ".join(map(str, names)) + " --one-motion" in said
     code, said, err = run("check", *names, "--one-motion")
     assert code == 0, said + err
     assert "curves appeared: /a[2]" in said
     assert "5 frames verified" in said
+    # Regression test: such a file was refused with `--each`.
+    code, said, err = run("check", "--each", saved(stage))
+    assert code == 0 and json.loads(said)["summary"]["verified"] == 5, (said, err)
 
 
 def test_files_of_linkwatch_have_their_names_and_times(stage):

@@ -60,7 +60,7 @@ pub(super) fn read_data(input: Input<'_>, options: &ReadOptions) -> Result<Sourc
         true => Unwrapped::ByFlags,
         false => Unwrapped::Unknown,
     };
-    let closest = cell.as_ref().filter(|_| !options.wrapped);
+    let closest = cell.as_ref().filter(|_| options.wrapped.is_none());
     let mut frame = ModelFrame::new(0, Ok(frame.finish(closest, unwrapped)?));
     (frame.info.cell, frame.info.left_out) = (cell, left_out);
     Ok(Box::new(Some(frame)))
@@ -73,7 +73,7 @@ pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Source<'st
         Some(bonds) => read_bonds(&bonds).map_err(|e| e.in_file(bonds))?,
         None => chains(path, options.closed)?,
     };
-    let (wrapped, last) = (options.wrapped, None);
+    let (wrapped, last) = (options.wrapped.is_some(), None);
     Ok(Box::new(dump::Dump {
         lines,
         curves,

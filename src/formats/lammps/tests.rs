@@ -123,7 +123,7 @@ fn wrapped_rings_are_refused_with_advice() {
 fn wrapped_rings_are_given_as_they_are_to_a_caller_that_unwraps_them() {
     let options = ReadOptions {
         bonds: Some(file("rings.data")),
-        wrapped: true,
+        wrapped: Some(true),
         ..ReadOptions::default()
     };
     let read = |name| -> Vec<ModelFrame> {
@@ -306,7 +306,7 @@ fn data(text: &str) -> Result<CurveSet> {
 
 fn data_frame(text: &str, wrapped: bool) -> Result<ModelFrame> {
     let options = ReadOptions {
-        wrapped,
+        wrapped: wrapped.then_some(true),
         ..ReadOptions::default()
     };
     let mut source = read_data(text.as_bytes().into(), &options)?;

@@ -86,7 +86,7 @@ pub(super) fn read_npz<'a>(
 ) -> Result<Source<'a>> {
     let archive = archive::Archive::open(file, len)?;
     let mut others = labels::read(&archive)?;
-    others.left_out = labels::left_out(&archive, options.has_cell)?;
+    others.left_out = labels::left_out(&archive, options.cell.is_some())?;
     let Some(member) = archive.find("positions") else {
         let found = archive.names().take(8).collect::<Vec<_>>().join(", ");
         let what = format!("no array `positions`; the file has: {found}");

@@ -545,7 +545,7 @@ fn a_curve_that_the_cell_of_an_archive_tears_is_refused_unless_it_is_unwrapped()
         .collect();
     for wrapped in [false, true] {
         let options = ReadOptions {
-            wrapped,
+            wrapped: wrapped.then_some(true),
             ..options(None)
         };
         let bytes = array(positions, &points);

@@ -108,7 +108,7 @@ impl FrameSource for XyzFrames<'_> {
         self.lines.expect("the comment of a frame")?;
         let mut begin = || {
             let comment = Comment::parse(&self.lines.line)?;
-            let is_other = !self.options.has_cell && comment.has_other_cell(&self.lines.line);
+            let is_other = self.options.cell.is_none() && comment.has_other_cell(&self.lines.line);
             let (seq, cell) = (self.number(comment.step)?, comment.cell()?);
             Ok((comment, seq, cell, is_other))
         };

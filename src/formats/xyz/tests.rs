@@ -7,7 +7,7 @@ use crate::formats::tests::{curves, frames_of};
 fn options(counts: Option<&[i32]>, wrapped: bool) -> ReadOptions {
     ReadOptions {
         counts: counts.map(<[i32]>::to_vec),
-        wrapped,
+        wrapped: wrapped.then_some(true),
         ..ReadOptions::default()
     }
 }
@@ -307,10 +307,10 @@ fn frames_are_numbered_by_their_time_step_or_counted() {
 #[test]
 fn a_cell_in_another_form_is_left_out_unless_it_is_given() {
     let ipi = "# CELL(abcABC): 9.5 10 1e1 90 90 90 Step: 0 positions{angstrom} cell{angstrom}";
-    let left_out = |comment: &str, has_cell| {
+    let left_out = |comment: &str, has_cell: bool| {
         let text = format!("3\n{comment}\nC 0 0 0\nC 1 0 0\nC 0 1 0\n");
         let options = ReadOptions {
-            has_cell,
+            cell: has_cell.then_some(None),
             ..options(Some(&[-3]), false)
         };
         let frame = frames_with(&text, &options).unwrap().remove(0);

@@ -33,7 +33,6 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from .. import _arguments as arguments
-from .._command import OWN
 from . import _hair, _mdanalysis, _mesh, _native, _oxdna, _text, _usd
 from ._curves import Options
 from ._frames import Frame, Frames, Summary
@@ -45,6 +44,9 @@ if TYPE_CHECKING:
     from typing import Any
 
 __all__ = ["FORMATS", "Format", "Frame", "Frames", "Summary", "from_mdanalysis", "read", "write"]
+
+#: Suffixes of files that the command always reads itself.
+OWN = (".bcc", ".npy", ".npz", ".mcap", ".obj", ".vect", ".xyz", ".extxyz", ".dump", ".lammpstrj")
 
 #: Bytes at the beginning of a file that may tell its format.
 HEAD = 1 << 10
@@ -158,14 +160,32 @@ def format_of(path: Path) -> Format:
     return found
 
 
+# Names of formats that are read together: a topology may be one that the command reads as well.
+TOGETHER = ({"mdanalysis", "linkwatch"}, {"mdanalysis", "oxdna"})
+
+
+def groups(paths: Sequence[Path]) -> list[int]:
+    """Divides files into successive ones that are read together, and returns their numbers. Those
+    that the command reads itself are alone."""
+    found: list[list[str]] = []
+    for path in paths:
+        name = format_of(path).name if path.is_file() else "linkwatch"
+        both = {name, *(found[-1] if found else ())}
+        if found and (len(both) == 1 or any(both <= one for one in TOGETHER)):
+            found[-1].append(name)
+        else:
+            found.append([name])
+    sizes = ([1] * len(one) if {*one} == {"linkwatch"} else [len(one)] for one in found)
+    return [size for one in sizes for size in one]
+
+
 def _format_of_all(paths: Sequence[Path]) -> Format:
     """Returns the format of files that are read together."""
     found = [format_of(path) for path in paths]
     both = {one.name for one in found}
     if len(both) == 1:
         return found[0]
-    # A topology, such as a data file of LAMMPS, that the command reads as well.
-    if both == {"mdanalysis", "linkwatch"} or both == {"mdanalysis", "oxdna"}:
+    if both in TOGETHER:
         return next(one for one in found if one.name == "mdanalysis")
     raise ValueError(
         "these files have different formats, so they are no frames of one motion: "

@@ -279,7 +279,9 @@ def frames_of_files(
             scene.notes += notes * (k == 0)
             yield scene
 
-    return frames_of_scenes(ordered[0], scenes, options, len(ordered))
+    frames = frames_of_scenes(ordered[0], scenes, options, len(ordered))
+    frames.files = ordered
+    return frames
 
 
 def frames_of_scenes(

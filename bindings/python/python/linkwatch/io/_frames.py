@@ -98,11 +98,14 @@ class Summary:
     #: True if the recorded run continues in a file that was not given.
     continues: bool = False
 
-    def __str__(self) -> str:
+    def lines(self) -> list[str]:
+        """Returns what was read: the curves, the notes and the unit of the times."""
         curves = "1 curve" if self.curves == 1 else f"{self.curves} curves"
-        lines = [f"{curves}, {self.closed} closed", *self.notes]
-        if self.time_unit:
-            lines.append(f"times in {self.time_unit}")
+        times = [f"times in {self.time_unit}"] if self.time_unit else []
+        return [f"{curves}, {self.closed} closed", *self.notes, *times]
+
+    def __str__(self) -> str:
+        lines = self.lines()
         if self.left_out:
             lines.append(f"not read, so not verified: {', '.join(self.left_out)}")
         return "\n".join([*lines, *self.rejected])
@@ -132,6 +135,8 @@ class Frames:
         self.summary = summary
         #: Number of frames; ``None`` if the file has to be read to count them.
         self.length = length
+        #: Files of the frames, if each has its own.
+        self.files: list[Path] = []
         #: Number of files that have several frames each, and may be runs of their own.
         self.runs = 0
         #: Reads the frames from one number to another alone, if the format can.
