@@ -71,7 +71,7 @@ fn given_cell(text: &str) -> Result<GivenCell> {
 impl CellArgs {
     /// Returns true if the user gave an option.
     pub fn are_given(&self) -> bool {
-        self.gives_cell() || self.wrapped.is_some()
+        self.given().is_some() || self.wrapped.is_some()
     }
 
     /// Warns if the coordinates of curves look wrapped into a periodic cell: segments span more
@@ -96,11 +96,6 @@ impl CellArgs {
                  into it, links across its boundary are not detected: give --cell and --wrapped"
             );
         }
-    }
-
-    /// Returns true if the user gave a cell, or ignores those of the frames.
-    pub fn gives_cell(&self) -> bool {
-        self.cell.cell.is_some()
     }
 
     /// Returns the cell that the user gave; `Some(None)` ignores those of the frames.

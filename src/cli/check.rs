@@ -71,9 +71,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             let reads = |model: &PathBuf| {
                 let others = [Some(model.as_path()), certificate, args.braid_args.file()];
                 let others = others.into_iter().flatten().map(PathBuf::from);
-                others
-                    .chain(args.format.bonds(slice::from_ref(model)))
-                    .collect()
+                let plain = input::without_compression(model);
+                // The topology of oxDNA.
+                let topology = plain.with_extension("top");
+                let bonds = args.format.bonds(slice::from_ref(&plain));
+                others.chain(bonds).chain([topology]).collect()
             };
             return args.each_args.run(&models, &format!("{options:?}"), reads);
         }

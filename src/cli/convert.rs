@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 /// Rewrite the frames of model files or of a recording in another format
 ///
 /// The extension of OUT determines the format. If that format holds one frame a file, and there are
-/// several, the number of the frame is added to the name of each file: OUT-00000.obj, .. Frames
-/// from which on there are other curves are written to further archives: OUT.npz, OUT-2.npz, ..
+/// several, the number of the frame is added to the name of each file: OUT-00000.obj, .. If the
+/// curves change, the frames from there on go to a further archive: OUT.npz, OUT-2.npz, ..
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Model files, folders or patterns of them, or a recording
@@ -303,8 +303,12 @@ impl Converter {
             return false;
         };
         let kind = |set: &CurveSet| (set.basis(), set.precision());
-        let is_same = last.counts().eq(curves.counts()) && kind(last) == kind(curves);
-        self.target == Some(Format::Npz) && !(is_same && last_info.labels == info.labels)
+        let (labels, known) = (&info.labels, &last_info.labels);
+        let is_same = last.counts().eq(curves.counts())
+            && kind(last) == kind(curves)
+            && labels.names == known.names
+            && labels.radii.len() == known.radii.len();
+        self.target == Some(Format::Npz) && !is_same
     }
 
     /// Adds the invalid frames that no file counts yet to the skipped elements, so that the output

@@ -2,7 +2,7 @@
 //!
 //! A run that crashes, or that the system kills because memory is short, costs no other run.
 
-use super::input::has_extension;
+use super::input::{has_extension, without_compression};
 use super::{Outcome, output};
 use linkwatch::Result;
 use rayon::iter::{ParallelBridge, ParallelIterator};
@@ -80,7 +80,7 @@ fn key(files: &[PathBuf], options: &str) -> String {
     let mut hasher = DefaultHasher::new();
     options.hash(&mut hasher);
     for file in files {
-        if has_extension(file, &REFERRING) {
+        if has_extension(&without_compression(file), &REFERRING) {
             SystemTime::now().hash(&mut hasher);
         }
         let file = file.metadata().ok();
@@ -313,6 +313,7 @@ mod tests {
     fn a_file_that_refers_to_others_is_verified_again() {
         let key = |name: &str| key(&[PathBuf::from(name)], "");
         assert_ne!(key("a.usda"), key("a.usda"));
+        assert_ne!(key("a.pvd.gz"), key("a.pvd.gz"));
         assert_eq!(key("a.npz"), key("a.npz"));
     }
 

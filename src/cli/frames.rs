@@ -4,7 +4,7 @@ use super::cell_args::{CellArgs, Cells};
 use super::input::{self, FileFrames, FormatArgs};
 use super::{Outcome, output};
 use crate::verdict::words_of_frame;
-use linkwatch::formats::{ModelFrame, ReadOptions};
+use linkwatch::formats::{ModelFrame, ReadOptions, name_of};
 use linkwatch::{Cell, CurveSet, Error, LeftOut, Result, period};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -56,7 +56,7 @@ impl FrameArgs {
     /// Returns the scenes, and the files of each model.
     pub fn models(&self) -> Result<Vec<Vec<PathBuf>>> {
         let files = input::expand_models(&self.models)?;
-        input::groups(&files, &self.format.options(&self.cell_args)?)
+        input::groups(&files, self.format.format.as_deref())
     }
 
     /// Opens each model, and calls `run` for the frames that are chosen. Returns the worst outcome.
@@ -139,6 +139,8 @@ struct Selected {
     frames: FileFrames,
     /// True if all chosen frames were read.
     ended: bool,
+    /// True if the last frame is not that of the simulation, because frames after it are damaged.
+    is_damaged: bool,
     /// Number of the last frame that was read, for a range of numbers.
     last: Option<u64>,
     /// True if the file may have several frames.
@@ -156,14 +158,14 @@ impl Selected {
     /// Otherwise builds the scene that the argument describes.
     fn open(files: &[PathBuf], args: &FrameArgs, options: &ReadOptions) -> Result<Selected> {
         let cells = args.format.cell_args(args.cell_args);
-        let path = files.last().cloned().unwrap_or_default();
         Ok(Selected {
+            path: name_of(files),
             selection: args.frame.unwrap_or_default(),
             frames: input::open_or_build(files, options)?,
             ended: false,
+            is_damaged: false,
             last: None,
-            numbered: input::holds_frames(&path),
-            path,
+            numbered: input::may_have_several(files, options),
             several: false,
             left_out: Vec::new(),
             cells: Cells::new(cells),
@@ -199,7 +201,7 @@ impl Selected {
             return refuse(&self.path, &what);
         }
         let mut ahead = ahead.into_iter();
-        let (mut outcome, mut valid) = (Outcome::Fine, false);
+        let (mut outcome, mut valid) = (Outcome::undecided_if(self.is_damaged), false);
         while let Some(frame) = ahead.next().or_else(|| self.read()) {
             let frame = match frame {
                 Ok(frame) => frame,
@@ -278,6 +280,7 @@ impl Selected {
                 Err(e) if last.is_none() => return Some(Err(e)),
                 Err(e) => {
                     tracing::warn!("{e}; the last frame before that is used");
+                    self.is_damaged = true;
                     break;
                 }
             }
@@ -286,7 +289,7 @@ impl Selected {
     }
 
     fn name(&self, frame: &ModelFrame) -> String {
-        let path = frame.file.as_ref().unwrap_or(&self.path).display();
+        let path = self.path.display();
         if !self.several && (!self.numbered || self.selection == Selection::All) {
             return path.to_string();
         }
@@ -309,7 +312,7 @@ impl Selected {
             set.check_whole(cell)?;
         }
         Ok(Picked {
-            model: frame.file.unwrap_or_else(|| self.path.clone()),
+            model: self.path.clone(),
             name,
             curves: set,
             radii: frame.info.labels.radii.clone(),

@@ -6,6 +6,7 @@ use super::recorded::Recorded;
 use linkwatch::formats::{Format, Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
 use linkwatch::{CurveSet, Error, LeftOut, RecordingReader, Result, formats};
+use std::fs::DirEntry;
 use std::path::{Path, PathBuf};
 
 /// Information on curves that some formats lack.
@@ -42,7 +43,7 @@ pub struct FormatArgs {
     select: Option<String>,
     /// Format of the files, if their names do not tell it: a name of `linkwatch.io.FORMATS`
     #[arg(long, value_name = "NAME", hide_short_help = true)]
-    format: Option<String>,
+    pub format: Option<String>,
 }
 
 impl FormatArgs {
@@ -82,7 +83,8 @@ impl FormatArgs {
 
 /// Returns a file with the content of a compressed one, if this process can unpack it. Others are
 /// returned as they are.
-pub fn unpacked(file: &Path) -> Result<PathBuf> {
+pub fn unpacked(file: impl AsRef<Path>) -> Result<PathBuf> {
+    let file = file.as_ref();
     match formats::reader().filter(|_| has_extension(file, &COMPRESSED) && file.is_file()) {
         Some(reader) => reader.unpacked(file),
         None => Ok(file.into()),
@@ -90,8 +92,8 @@ pub fn unpacked(file: &Path) -> Result<PathBuf> {
 }
 
 /// Divides files into those that are read together, such as a topology and its trajectories.
-pub fn groups(files: &[PathBuf], options: &ReadOptions) -> Result<Vec<Vec<PathBuf>>> {
-    let format = options.format.as_deref();
+/// `format` is the option of this name.
+pub fn groups(files: &[PathBuf], format: Option<&str>) -> Result<Vec<Vec<PathBuf>>> {
     let sizes = match formats::reader() {
         Some(reader) if format.is_some() || !files.iter().all(|file| Format::is_certain(file)) => {
             reader.groups(files, format)?
@@ -142,10 +144,6 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
             files.extend(listed(argument)?);
         }
     }
-    let mut files = files
-        .iter()
-        .map(|file| unpacked(file))
-        .collect::<Result<Vec<_>>>()?;
     let is_sorted = !keep_order && order::sort(&mut files);
     if is_sorted || !keep_order && order::is_unclear(&files) {
         let shown = files.iter().map(|file| file.display().to_string());
@@ -165,14 +163,14 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
             ),
         }
     }
-    Ok(files)
+    files.iter().map(unpacked).collect()
 }
 
 /// Same as [`expand`] for models that are no frames of one motion: they keep their order, and a
 /// folder may hold several formats.
 pub fn expand_models(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let models = listed_models(arguments)?;
-    models.iter().map(|model| unpacked(model)).collect()
+    models.iter().map(unpacked).collect()
 }
 
 /// Same as [`expand_models`], but compressed files stay as they are.
@@ -193,6 +191,14 @@ const OF_PACKAGE: [&str; 24] = [
 /// Extensions of compressed files that an external reader unpacks.
 const COMPRESSED: [&str; 3] = ["gz", "bz2", "xz"];
 
+/// Returns the name of a file without the extension of a compressed one.
+pub fn without_compression(file: &Path) -> PathBuf {
+    match has_extension(file, &COMPRESSED) {
+        true => file.with_extension(""),
+        false => file.into(),
+    }
+}
+
 /// Returns true if a file has one of these extensions.
 pub fn has_extension(file: &Path, extensions: &[&str]) -> bool {
     let extension = file.extension().unwrap_or_default();
@@ -202,7 +208,10 @@ pub fn has_extension(file: &Path, extensions: &[&str]) -> bool {
 fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let refuse = |why: String| usage!("{}: {why}", folder.display());
     let entries = std::fs::read_dir(folder).map_err(|e| refuse(e.to_string()))?;
-    let files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    // MDAnalysis writes hidden archives beside trajectories.
+    let is_hidden = |entry: &DirEntry| entry.file_name().as_encoded_bytes().starts_with(b".");
+    let entries = entries.flatten().filter(|entry| !is_hidden(entry));
+    let files: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
     let is_model = |file: &PathBuf| match Format::of(file) {
         // A folder may have tables of numbers, which are no points.
         Ok(Format::Points) => false,
@@ -211,7 +220,11 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
         // USD, which is refused when it is opened.
         Err(e) => matches!(e, Error::InFile { .. }),
     };
-    let (mut models, others): (Vec<_>, Vec<_>) = files.into_iter().partition(is_model);
+    let (mut models, mut others): (Vec<_>, Vec<_>) = files.into_iter().partition(is_model);
+    if models.is_empty() {
+        let is_external = |file: &mut PathBuf| matches!(Format::of(file), Ok(Format::External));
+        models.extend(others.extract_if(.., is_external));
+    }
     models.sort();
     let format = models.first().map(|model| Format::of(model));
     if let Some(file) = others.iter().find(|file| is_compressed(file, &format)) {
@@ -238,7 +251,8 @@ fn is_compressed(file: &Path, others: &Option<Result<Format>>) -> bool {
         Some(Ok(other)) => format == *other,
         _ => true,
     };
-    has_extension(file, &SUFFIXES) && !plain.exists() && Format::of(&plain).is_ok_and(fits)
+    let is_model = || has_extension(&plain, &OF_PACKAGE) || Format::of(&plain).is_ok_and(fits);
+    has_extension(file, &SUFFIXES) && !plain.exists() && is_model()
 }
 
 /// Checks that the models of a folder may be frames of one motion.
@@ -291,6 +305,11 @@ fn begins_as_mcap(path: &Path) -> bool {
 /// Returns true if a file of this name may hold several frames.
 pub fn holds_frames(path: &Path) -> bool {
     is_mcap(path) || Format::of(path).is_ok_and(Format::holds_frames)
+}
+
+/// Same as [`holds_frames`] for files that are read together, or by the option `--format`.
+pub fn may_have_several(files: &[PathBuf], options: &ReadOptions) -> bool {
+    files.len() > 1 || options.format.is_some() || files.iter().any(|file| holds_frames(file))
 }
 
 /// Returns true if a file is to be read as a recording of linkwatch: it is one by its content, or

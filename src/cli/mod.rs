@@ -191,7 +191,9 @@ pub fn run_command(
     args: impl IntoIterator<Item = OsString>,
     reader: Option<Box<dyn ExternalReader>>,
 ) -> u8 {
-    reader.map(linkwatch::formats::install);
+    if let Some(reader) = reader {
+        linkwatch::formats::install(reader);
+    }
     let cli = match arguments::parse(args) {
         Ok(cli) => cli,
         Err(text) => {

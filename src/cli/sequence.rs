@@ -2,7 +2,7 @@
 
 use super::input::{self, FileFrames};
 use super::recorded::{self, Part, Recorded};
-use linkwatch::formats::{Format, ModelFrame, ReadOptions};
+use linkwatch::formats::{Format, ModelFrame, ReadOptions, name_of};
 use linkwatch::{CurveSet, Error, FrameInfo, LeftOut, Received, Result};
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -44,6 +44,8 @@ pub struct Sequence {
 /// A file that is being read.
 struct File {
     path: PathBuf,
+    /// True if the name of a frame has its number.
+    is_numbered: bool,
     /// Its place in a recorded run.
     part: Option<Part>,
     /// Frames that were read ahead.
@@ -105,7 +107,7 @@ impl Frame {
 impl Sequence {
     /// Prepares to read files, which [`input::expand`] returned.
     pub fn new(files: &[PathBuf], options: ReadOptions) -> Result<Sequence> {
-        let files = input::groups(files, &options)?;
+        let files = input::groups(files, options.format.as_deref())?;
         Ok(Sequence {
             single: files.len() == 1,
             one_motion: options.one_motion,
@@ -131,7 +133,7 @@ impl Sequence {
     /// Opens the next file. Its first two frames show if it has several.
     fn open(&mut self, files: &[PathBuf]) -> Result<File> {
         let mut frames = input::open(files, &self.options)?;
-        let path = files.last().cloned().unwrap_or_default();
+        let path = name_of(files);
         let part = input::is_mcap(&path).then(|| recorded::part(&path));
         let ends_in_gap = self.ends_in_gap();
         let (part, last) = (part.flatten(), self.last.take());
@@ -167,10 +169,15 @@ impl Sequence {
         let most_ahead = if self.single { 0 } else { 2 };
         let ahead: VecDeque<_> = frames.by_ref().take(most_ahead).collect();
         let has_several = ahead.len() > 1;
+        // The names of other formats do not tell if a file has several frames.
+        let is_external = Format::of(&path).is_ok_and(|format| format == Format::External);
+        let is_numbered = input::may_have_several(files, &self.options)
+            && (has_several || self.single || !is_external);
         let begins_run = has_several && self.had_several && !self.one_motion && !is_next;
         self.had_several |= has_several;
         Ok(File {
             path,
+            is_numbered,
             part,
             ahead,
             frames,
@@ -238,8 +245,9 @@ impl Sequence {
         all.into()
     }
 
-    /// Notes what is known about a valid frame. Named curves may change from frame to frame; radii
-    /// alone do not, unless the simulator described its curves again: the first ones are kept.
+    /// Notes what is known about a valid frame. Named curves, and their radii, may change from
+    /// frame to frame. The first radii of others are kept, unless the simulator described its
+    /// curves again.
     fn note(&mut self, curves: &CurveSet, info: &FrameInfo) {
         let now = (info.cuts, info.layout);
         let last_seen = self.current.as_mut().and_then(|f| f.last_seen.replace(now));
@@ -255,7 +263,9 @@ impl Sequence {
         };
         self.info.time_step = info.time_step;
         let same_counts = curves.counts().eq(self.counts.iter().copied());
-        if !described && same_counts && info.labels.names == self.info.labels.names {
+        let (labels, known) = (&info.labels, &self.info.labels);
+        let same_radii = labels.names.is_empty() || labels.radii == known.radii;
+        if !described && same_counts && same_radii && labels.names == known.names {
             return;
         }
         if described || !self.counts.is_empty() && !info.labels.names.is_empty() {
@@ -306,9 +316,11 @@ impl Iterator for Sequence {
             }
         }
         input::warn_of_new(&path, &mut self.left_out, &frame.info.left_out);
-        let is_alone = frame.file.is_some();
-        let path = frame.file.unwrap_or(path);
-        let name = match !is_alone && input::holds_frames(&path) {
+        let is_numbered = match &self.current {
+            Some(file) => file.is_numbered,
+            None => input::holds_frames(&path),
+        };
+        let name = match is_numbered {
             true => format!("{}, frame {}", path.display(), frame.info.seq),
             false => path.display().to_string(),
         };

@@ -1,6 +1,6 @@
-//! Files of formats that this crate does not read, but the program that runs the command does.
+//! Reader of further formats, which the program around the command provides.
 
-use super::frames::{FrameSource, Frames, ModelFrame, ReadOptions};
+use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -12,7 +12,11 @@ pub type ExternalFrames = Box<dyn Iterator<Item = Result<ModelFrame>> + Send>;
 /// ([`run_command`](crate::run_command)).
 pub trait ExternalReader: Send + Sync {
     /// Returns true if it reads a file.
-    fn reads(&self, file: &Path) -> bool;
+    ///
+    /// # Errors
+    ///
+    /// The reader cannot be used.
+    fn reads(&self, file: &Path) -> Result<bool>;
 
     /// Divides files into groups that are read together, such as a topology and its trajectories.
     /// Returns the number of files of each group, in their order. `format` is that of
@@ -20,7 +24,7 @@ pub trait ExternalReader: Send + Sync {
     ///
     /// # Errors
     ///
-    /// There is no such format.
+    /// The reader cannot be used.
     fn groups(&self, files: &[PathBuf], format: Option<&str>) -> Result<Vec<usize>>;
 
     /// Returns a file with the content of a compressed one, or the file itself.
@@ -40,7 +44,7 @@ pub trait ExternalReader: Send + Sync {
 
 static READER: OnceLock<Box<dyn ExternalReader>> = OnceLock::new();
 
-/// Adds the reader of this process. Only the first one counts.
+/// Sets the reader of this process. Later calls have no effect.
 #[cfg(feature = "cli")]
 pub(crate) fn install(reader: Box<dyn ExternalReader>) {
     READER.set(reader).ok();
@@ -51,34 +55,38 @@ pub(crate) fn reader() -> Option<&'static dyn ExternalReader> {
     READER.get().map(|reader| &**reader)
 }
 
-/// Opens a group of files, of which errors name the last one.
-pub(super) fn open(files: &[PathBuf], options: &ReadOptions) -> Result<Frames> {
+/// Returns the name of a group of files: that of a trajectory, after its topology, or the first and
+/// the last name.
+pub(crate) fn name_of(files: &[PathBuf]) -> PathBuf {
+    match files {
+        [] => PathBuf::new(),
+        [one] => one.clone(),
+        [topology, one] if topology.extension() != one.extension() => one.clone(),
+        [first, .., last] => format!("{} .. {}", first.display(), last.display()).into(),
+    }
+}
+
+/// Opens a group of files.
+pub(super) fn open(files: &[PathBuf], options: &ReadOptions) -> Result<Source<'static>> {
     let none = "files that are read together, or by the option `format`: only the Python package \
                 has readers for them";
     let reader = reader().ok_or_else(|| Error::unsupported("model", none))?;
     let frames = reader.open(files, options)?;
-    let path = files.last().cloned().unwrap_or_default();
-    let source = Box::new(External {
-        path: path.clone(),
-        frames,
-    });
-    Ok(Frames::new(path, source))
+    let name = name_of(files);
+    Ok(Box::new(External { name, frames }))
 }
 
 /// Frames, of which the notes are logged.
 struct External {
-    path: PathBuf,
+    name: PathBuf,
     frames: ExternalFrames,
 }
 
 impl FrameSource for External {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
         let frame = self.frames.next().transpose()?;
-        if let Some(frame) = &frame {
-            let name = frame.file.as_ref().unwrap_or(&self.path).display();
-            for note in &frame.notes {
-                tracing::info!("{name}: {note}");
-            }
+        for note in frame.iter().flat_map(|frame| &frame.notes) {
+            tracing::info!("{}: {note}", self.name.display());
         }
         Ok(frame)
     }

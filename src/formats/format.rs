@@ -89,8 +89,11 @@ impl Format {
             let (path, advice) = (path.into(), advice_on(path));
             return Err(Error::Folder { path, advice });
         }
-        let other = external::reader().filter(|_| !Format::is_certain(path) && path.is_file());
-        if other.is_some_and(|other| other.reads(path)) {
+        if let Some(other) = external::reader()
+            && !Format::is_certain(path)
+            && path.is_file()
+            && other.reads(path)?
+        {
             return Ok(Format::External);
         }
         if is_usd(path) {
@@ -146,8 +149,8 @@ impl Format {
         })
     }
 
-    /// Fails if an option is given that this format does not have.
-    pub(super) fn check(self, options: &ReadOptions) -> Result<()> {
+    /// Fails if an option is given that the format of a file does not have.
+    pub(super) fn check(self, options: &ReadOptions, path: &Path) -> Result<()> {
         use Format::{External, LammpsDump, Mcap, Npy, Npz, Points, Xyz};
         let (bonds, counts) = (options.bonds.is_some(), options.counts.is_some());
         let (closed, topic) = (options.closed.is_some(), options.topic.is_some());
@@ -159,13 +162,14 @@ impl Format {
             _ if topic && self != Mcap => "topic",
             _ => return Ok(()),
         };
-        let what = format!("`{name}`, which this format does not have");
-        Err(Error::unsupported("option", what))
+        Err(Error::Usage(format!(
+            "{}: the option `{name}`, which this format does not have",
+            path.display()
+        )))
     }
 
     /// Opens a file of this format.
     pub(super) fn open(self, path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
-        self.check(options)?;
         let single = |curves| Box::new(Some(ModelFrame::new(0, Ok(curves)))) as Source<'_>;
         match self {
             Format::Bcc => open(path).and_then(|file| bcc::read(file.bytes, file.len).map(single)),
@@ -180,7 +184,7 @@ impl Format {
                 xyz::read(open_text(path)?, options)
             }
             Format::Xyz | Format::Points => points::read(open_text(path)?, options),
-            Format::External => Err(Error::UnknownModel { path: path.into() }),
+            Format::External => external::open(&[path.into()], options),
             #[cfg(feature = "mcap")]
             Format::Mcap => mcap::open(path, options),
             #[cfg(not(feature = "mcap"))]

@@ -23,8 +23,8 @@ pub struct ReadOptions {
     pub closed: Option<bool>,
     /// Topic of an MCAP file, if several have curves.
     pub topic: Option<String>,
-    /// True or false if the caller knows whether coordinates are wrapped into the periodic cell,
-    /// and unwraps them: curves that are torn at the boundary are then not refused.
+    /// `Some` if the caller decides about unwrapping, true if coordinates are wrapped into the
+    /// periodic cell: curves that are torn at the boundary are then not refused.
     pub wrapped: Option<bool>,
     /// Cell that the caller uses instead of that of the frames, so that none in another form is
     /// missed; `Some(None)` if it ignores that.
@@ -61,10 +61,8 @@ pub struct ModelFrame {
     pub info: FrameInfo,
     /// The curves, or the reason why this frame is invalid although later ones can be read.
     pub curves: Result<CurveSet>,
-    /// File of the frame, if files of one frame each are read together.
-    pub file: Option<PathBuf>,
-    /// What an [`ExternalReader`](super::ExternalReader) says of the file, unless it has before:
-    /// curves that it closed or unwrapped.
+    /// New notes of an [`ExternalReader`](super::ExternalReader) about the file: curves that it
+    /// closed or unwrapped.
     pub notes: Vec<String>,
     /// True if frames before it are not in the file, so that the step to it is unknown.
     #[cfg(feature = "cli")]
@@ -82,7 +80,6 @@ impl ModelFrame {
         ModelFrame {
             info,
             curves,
-            file: None,
             notes: Vec::new(),
             #[cfg(feature = "cli")]
             after_gap: false,
@@ -135,11 +132,12 @@ impl Frames {
             Some(_) => Format::External,
             None => Format::of(path)?,
         };
-        if format == Format::External {
-            return Frames::open_together(&[path.into()], options);
-        }
+        format.check(options, path)?;
         let source = format.open(path, options).map_err(|e| e.in_file(path))?;
-        Ok(Frames::new(path.into(), source))
+        Ok(Frames {
+            path: path.into(),
+            source: Some(source),
+        })
     }
 
     /// Opens files together by the [`ExternalReader`](super::ExternalReader) of this process.
@@ -147,16 +145,14 @@ impl Frames {
     /// # Errors
     ///
     /// The errors of [`ExternalReader::open`](super::ExternalReader::open);
-    /// [`Error::Unsupported`](crate::Error::Unsupported) if there is no such reader.
+    /// [`Error::Unsupported`](crate::Error::Unsupported) if there is no such reader, or it does not
+    /// have an option.
     pub fn open_together(files: &[PathBuf], options: &ReadOptions) -> Result<Frames> {
-        let checked = Format::External.check(options);
-        checked.map_err(|e| e.in_file(files.last().cloned().unwrap_or_default()))?;
-        external::open(files, options)
-    }
-
-    pub(super) fn new(path: PathBuf, source: Source<'static>) -> Frames {
+        let path = external::name_of(files);
+        Format::External.check(options, &path)?;
+        let source = external::open(files, options).map_err(|e| e.in_file(&path))?;
         let source = Some(source);
-        Frames { path, source }
+        Ok(Frames { path, source })
     }
 }
 

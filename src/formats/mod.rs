@@ -47,10 +47,9 @@ mod xyz;
 
 pub use crate::error::MODEL_FILES;
 pub use bcc::write_bcc;
-#[cfg(feature = "cli")]
-pub(crate) use external::install;
-pub(crate) use external::reader;
 pub use external::{ExternalFrames, ExternalReader};
+#[cfg(feature = "cli")]
+pub(crate) use external::{install, name_of, reader};
 pub use format::Format;
 pub use frames::{Frames, ModelFrame, ReadOptions};
 pub use write::FrameWriter;

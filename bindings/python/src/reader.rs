@@ -2,88 +2,86 @@
 
 use crate::frame::{Points, cell, raw};
 use linkwatch::formats::{ExternalFrames, ExternalReader, ModelFrame, ReadOptions};
-use linkwatch::{Cell, CurveLabels, CurveSet, Error, FrameInfo, LeftOut, Result};
+use linkwatch::{CurveLabels, CurveSet, Error, FrameInfo, LeftOut, Result};
+use pyo3::call::PyCallArgs;
+use pyo3::conversion::FromPyObjectOwned;
 use pyo3::exceptions::{PyImportError, PyOSError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
+use std::slice;
 use std::sync::Arc;
 
 /// A `linkwatch._command.Reader`.
 pub struct PackageReader(pub Py<PyAny>);
 
-/// A frame of the package: an `io.Frame`, its file if it is the only one in that, the elements that
-/// are not read (number, kind, place of the first one), and what is new about the file.
-type Read<'py> = (
-    Bound<'py, PyAny>,
-    Option<PathBuf>,
-    Vec<(u64, String, String)>,
-    Vec<String>,
-);
+/// A frame of the package: an `io.Frame`, the elements that are not read (number, kind, place of
+/// the first one), and new notes about the files.
+type Read<'py> = (Bound<'py, PyAny>, Vec<(u64, String, String)>, Vec<String>);
 
 impl ExternalReader for PackageReader {
-    fn reads(&self, file: &Path) -> bool {
-        let reads = |py: Python<'_>| self.0.call_method1(py, "reads", (file,))?.extract(py);
-        Python::attach(reads).unwrap_or(false)
+    fn reads(&self, file: &Path) -> Result<bool> {
+        self.call("reads", (file,), slice::from_ref(&file.into()))
     }
 
     fn groups(&self, files: &[PathBuf], format: Option<&str>) -> Result<Vec<usize>> {
-        let arguments = (files, format);
-        Python::attach(|py| {
-            let sizes = self.0.call_method1(py, "groups", arguments);
-            let sizes = sizes.and_then(|sizes| sizes.extract(py));
-            sizes.map_err(|e| failed(py, &e, &files[0]))
-        })
+        self.call("groups", (files, format), files)
     }
 
     fn unpacked(&self, file: &Path) -> Result<PathBuf> {
-        Python::attach(|py| {
-            let path = self.0.call_method1(py, "unpacked", (file,));
-            let path = path.and_then(|path| path.extract(py));
-            path.map_err(|e| failed(py, &e, file))
-        })
+        self.call("unpacked", (file,), slice::from_ref(&file.into()))
     }
 
     fn open(&self, files: &[PathBuf], options: &ReadOptions) -> Result<ExternalFrames> {
-        let path = files.last().cloned().unwrap_or_default();
-        let opened = Python::attach(|py| {
-            let given = PyDict::new(py);
-            given.set_item("closed", options.closed)?;
-            given.set_item("keep_open", options.keep_open)?;
-            given.set_item("unwrap", options.wrapped)?;
-            given.set_item("cell", options.cell.flatten().map(numbers))?;
-            given.set_item("select", options.select.as_deref())?;
-            given.set_item("format", options.format.as_deref())?;
-            given.set_item("keep_order", options.keep_order)?;
-            let arguments = (files, options.one_motion, given);
-            self.0.call_method1(py, "frames", arguments)
-        });
-        let frames = opened.map_err(|e| Python::attach(|py| failed(py, &e, &path)))?;
-        let labels = Arc::default();
-        let frames = PackageFrames {
-            path,
-            frames,
-            labels,
+        let given = (options.closed, options.keep_open, options.keep_order);
+        // The command unwraps coordinates if it was told to.
+        let unwrap = options.wrapped.map(|_| false);
+        let cell = match options.cell {
+            Some(Some(cell)) => Some(cell.to_string()),
+            Some(None) if options.wrapped.is_none() => Some("none".into()),
+            _ => None,
         };
-        Ok(Box::new(frames))
+        let (select, format) = (options.select.as_deref(), options.format.as_deref());
+        let of_cell = (unwrap, cell);
+        let arguments = (files, options.one_motion, given, of_cell, select, format);
+        Ok(Box::new(PackageFrames {
+            frames: self.call("frames", arguments, files)?,
+            files: files.into(),
+            labels: Arc::default(),
+        }))
     }
 }
 
-/// Returns a cell as the package takes it: three vectors and the corner.
-fn numbers(cell: Cell) -> Vec<f64> {
-    let [a, b, c] = cell.vectors;
-    [a, b, c, cell.origin].concat()
+impl PackageReader {
+    /// Calls a method, for files of which errors name the one that is damaged.
+    fn call<T: for<'py> FromPyObjectOwned<'py>>(
+        &self,
+        method: &str,
+        arguments: impl for<'py> PyCallArgs<'py>,
+        files: &[PathBuf],
+    ) -> Result<T> {
+        Python::attach(|py| {
+            let result = self.0.bind(py).call_method1(method, arguments);
+            let result = result.and_then(|result| result.extract().map_err(Into::into));
+            result.map_err(|e: PyErr| failed(py, &e, files))
+        })
+    }
 }
 
-/// Returns the error of an exception of a reader.
-fn failed(py: Python<'_>, e: &PyErr, path: &Path) -> Error {
+/// Returns the error of an exception of a reader. It names the file that the exception names, or
+/// the last one.
+fn failed(py: Python<'_>, e: &PyErr, files: &[PathBuf]) -> Error {
     let words = e.value(py).to_string();
+    let rest = |file: &PathBuf| {
+        let rest = words.strip_prefix(&file.display().to_string())?;
+        rest.strip_prefix(": ").or(rest.strip_prefix(", "))
+    };
+    let named = files.iter().find(|file| rest(file).is_some());
+    let path = named.or(files.last()).cloned().unwrap_or_default();
     let is_known = e.is_instance_of::<PyImportError>(py)
         || e.is_instance_of::<PyOSError>(py)
         || e.is_instance_of::<PyValueError>(py);
     let words = if is_known {
-        let name = format!("{}: ", path.display());
-        words.strip_prefix(&name).unwrap_or(&words).to_owned()
+        rest(&path).unwrap_or(&words).to_owned()
     } else {
         e.display(py);
         let kind = e.get_type(py).name();
@@ -92,13 +90,13 @@ fn failed(py: Python<'_>, e: &PyErr, path: &Path) -> Error {
         format!("{kind}: {words}: please report this, with the lines above")
     };
     // The frames after it are lost, so it is not only one invalid frame.
-    let (path, source) = (path.into(), std::io::Error::other(words));
+    let source = std::io::Error::other(words);
     Error::File { path, source }
 }
 
 /// Frames of files that are read together.
 struct PackageFrames {
-    path: PathBuf,
+    files: Vec<PathBuf>,
     /// Iterator over [`Read`].
     frames: Py<PyAny>,
     /// Names and radii of the last frame.
@@ -110,61 +108,56 @@ impl Iterator for PackageFrames {
 
     fn next(&mut self) -> Option<Result<ModelFrame>> {
         Python::attach(|py| {
-            let read = self
+            let next = self
                 .frames
                 .bind(py)
-                .clone()
-                .cast_into::<pyo3::types::PyIterator>();
-            let next = read.expect("a generator").next()?;
-            let read = next.and_then(|read| self.frame(&read.extract()?));
-            Some(read.map_err(|e| failed(py, &e, &self.path)))
+                .try_iter()
+                .map(|mut frames| frames.next());
+            let read = next
+                .transpose()?
+                .and_then(|next| self.frame(next?.extract()?));
+            Some(read.map_err(|e| failed(py, &e, &self.files)))
         })
     }
 }
 
 impl PackageFrames {
-    fn frame(&mut self, (frame, file, left_out, notes): &Read<'_>) -> PyResult<ModelFrame> {
-        let (seq, time) = (
-            frame.getattr("seq")?.extract()?,
-            frame.getattr("time")?.extract()?,
-        );
-        let mut info = FrameInfo::at(seq, time);
-        info.cuts = frame.getattr("cuts")?.extract()?;
-        info.closed_by_default = frame.getattr("closed_by_default")?.extract()?;
-        let of_frame = frame.getattr("cell")?;
+    fn frame(&mut self, (frame, left_out, notes): Read<'_>) -> PyResult<ModelFrame> {
+        let get = |name: &str| frame.getattr(name);
+        let mut info = FrameInfo::at(get("seq")?.extract()?, get("time")?.extract()?);
+        info.cuts = get("cuts")?.extract()?;
+        info.closed_by_default = get("closed_by_default")?.extract()?;
+        let of_frame = get("cell")?;
         if !of_frame.is_none() {
             let rows: [[f64; 3]; 4] = of_frame.call_method0("tolist")?.extract()?;
-            info.cell = Some(cell(
-                rows.as_flattened().try_into().expect("twelve numbers"),
-            ));
+            info.cell = Some(cell(rows.as_flattened().try_into().expect("12 numbers")));
         }
-        let names: Vec<String> = frame.getattr("names")?.extract()?;
-        let labels =
-            CurveLabels::named(names).with_radii(frame.getattr("radii")?.extract::<Vec<f32>>()?);
+        let names: Vec<String> = get("names")?.extract()?;
+        let radii: Vec<f32> = get("radii")?.extract()?;
+        let labels = CurveLabels::named(names).with_radii(radii);
         if *self.labels != labels {
             self.labels = Arc::new(labels);
         }
         info.labels = Arc::clone(&self.labels);
-        info.left_out = left_out
-            .iter()
-            .map(|(count, kind, first)| LeftOut {
-                count: *count,
-                kind: [kind.clone().into(), kind.clone().into()],
-                first: first.clone(),
-            })
-            .collect();
-        let curves = match frame.getattr("rejected")?.extract::<Option<String>>()? {
+        let left_out = left_out.into_iter();
+        let left_out = left_out.map(|(count, kind, first)| LeftOut {
+            count,
+            kind: [kind.clone().into(), kind.into()],
+            first,
+        });
+        info.left_out = left_out.collect();
+        let curves = match get("rejected")?.extract()? {
             Some(why) => Err(Error::Usage(why)),
             None => {
-                let points: Points<'_> = frame.getattr("positions")?.extract()?;
-                let counts: Vec<i32> = frame.getattr("counts")?.extract()?;
-                let basis: String = frame.getattr("basis")?.extract()?;
-                let frame = raw(&points, &counts, &basis)?;
-                CurveSet::from_counts(frame.basis, frame.counts, frame.positions)
+                let points: Points<'_> = get("positions")?.extract()?;
+                let (counts, basis): (Vec<i32>, String) =
+                    (get("counts")?.extract()?, get("basis")?.extract()?);
+                let raw = raw(&points, &counts, &basis)?;
+                CurveSet::from_counts(raw.basis, raw.counts, raw.positions)
             }
         };
         let mut frame = ModelFrame::of(info, curves);
-        (frame.file, frame.notes) = (file.clone(), notes.clone());
+        frame.notes = notes;
         Ok(frame)
     }
 }

@@ -1,11 +1,13 @@
 """Molecules that MDAnalysis reads, and strands of oxDNA."""
 
+import gzip
 import warnings
 
 import linkwatch
 import numpy as np
 import pytest
 from linkwatch import io
+from linkwatch._run import frames_of
 from linkwatch.io._curves import molecules, unwrapped
 from test_command import run
 from test_formats import EDGES, POINTS, RING, needs, written
@@ -145,6 +147,28 @@ def test_lammps_data_files_are_topologies(tmp_path):
     topology = save(made, tmp_path / "b.pdb", bonds="all")
     code, out, err = run("check", topology, tmp_path / "a.dump", "--events=off")
     assert code == 0 and "2 frames verified" in out, (out, err)
+    # Regression test: the files before it were frames without bonds.
+    other = written(tmp_path, "b.data", text)
+    assert io.groups([tmp_path / "a.data", other, topology], None) == [1, 1, 1]
+    # Regression test: the trajectory came before its topology.
+    (tmp_path / "a.dcd.gz").write_bytes(gzip.compress(run_.read_bytes()))
+    code, out, err = run("check", topology, tmp_path / "a.dcd.gz", "--events=off")
+    assert code == 0 and "2 frames verified" in out, (out, err)
+
+
+def test_options_of_the_cell_reach_the_readers(tmp_path):
+    # Regression test: `--cell none` was lost, so the cell of the file refused its bonds.
+    small = save(universe(cell=[1, 1, 1.2, 90, 90, 90]), tmp_path / "a.pdb", bonds="all")
+    code, out, err = run("certify", small, "--cell", "none")
+    assert (code, out) == (0, "2 # lines: 1\n0,1,-1\n"), err
+    # Regression test: coordinates were unwrapped twice.
+    wrapped = (POINTS + [9.3, 0, 0]) % CELL[:3]
+    path = save(universe(wrapped), tmp_path / "b.pdb", bonds="all")
+    for option in ([], ["--wrapped"]):
+        assert run("certify", path, *option)[:2] == (0, "periodic 2 # lines: 1\n0,1,0,0,0,-1\n")
+    # Regression test: the reader unwrapped them in spite of the option.
+    (frame,) = frames_of([path], wrapped=False)
+    np.testing.assert_allclose(frame.positions, wrapped, atol=1e-3)
 
 
 def test_gsd_files_have_all(tmp_path):

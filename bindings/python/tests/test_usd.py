@@ -534,6 +534,21 @@ def test_curves_that_come_and_go_are_several_files_of_one_motion(stage, tmp_path
     assert code == 0 and json.loads(said)["summary"]["verified"] == 5, (said, err)
 
 
+def test_an_archive_has_the_largest_radius_of_each_curve(stage, tmp_path):
+    # Regression test: `convert` kept the radii of the first frame.
+    prim = curves(stage, "/a", linked())
+    widths = prim.CreateWidthsAttr()
+    prim.SetWidthsInterpolation("uniform")
+    for time, both in ((0, [0.1, 0.1]), (1, [0.5, 0.1]), (2, [0.1, 0.3])):
+        widths.Set(both, time)
+    out = tmp_path / "a.npz"
+    assert run("convert", saved(stage), out)[0] == 0
+    np.testing.assert_allclose(np.load(out)["radii"], [0.25, 0.15])
+    # Each frame of a check has its own.
+    code, said, err = run("check", saved(stage), "--events=off")
+    assert code == 0 and "3 frames verified" in said, (said, err)
+
+
 def test_files_of_linkwatch_have_their_names_and_times(stage):
     UsdGeom.Scope.Define(stage, "/linkwatch")
     time = stage.GetPrimAtPath("/linkwatch").CreateAttribute(

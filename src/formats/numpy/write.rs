@@ -144,8 +144,8 @@ impl FrameSink for Stream {
     }
 }
 
-/// An `.npz` file: everything that a frame has. The curves, their basis, names and radii must be
-/// those of the first frame.
+/// An `.npz` file: everything that a frame has. The curves, their basis and names must be those of
+/// the first frame; the radius of a curve is the largest one of all frames.
 pub(in crate::formats) struct NpzFile {
     stream: Stream,
     labels: Arc<CurveLabels>,
@@ -191,8 +191,14 @@ impl NpzFile {
 impl FrameSink for NpzFile {
     fn frame(&mut self, frame: &ModelFrame, set: &CurveSet) -> Result<()> {
         let wrong = |what: String| Err(Error::unsupported(FORMAT, what));
-        if self.labels != frame.info.labels {
+        let labels = &frame.info.labels;
+        if (&self.labels.names, self.labels.radii.len()) != (&labels.names, labels.radii.len()) {
             return wrong("a frame with other names or radii than the first one".into());
+        }
+        if self.labels != *labels {
+            let radii = self.labels.radii.iter().zip(&labels.radii);
+            let radii: Vec<f32> = radii.map(|(a, b)| a.max(*b)).collect();
+            self.labels = Arc::new(CurveLabels::named(self.labels.names.clone()).with_radii(radii));
         }
         if let Some(last) = self.seq.last().filter(|last| frame.info.seq <= **last) {
             return wrong(format!("frame {} after frame {last}", frame.info.seq));

@@ -15,8 +15,6 @@ from ._linkwatch import command
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from typing import Any
-
     from .io import Frame, Frames
 
 # Sentence about elements that are not read: the file of a later frame, number, kind, first place.
@@ -57,7 +55,7 @@ def _main() -> int:
 
 
 class Reader:
-    """Reads for the command what it does not read itself. The readers are imported when a file
+    """Reads files of formats that the command does not know. The readers are imported when a file
     needs them."""
 
     def __init__(self) -> None:
@@ -68,16 +66,13 @@ class Reader:
         """Returns if the package, but not the command itself, reads the file."""
         from . import io
 
-        try:
-            return io.format_of(Path(file)) is not io.FORMATS[-1]
-        except OSError:
-            return False
+        return io.format_of(Path(file)) is not io.FORMATS[-1]
 
     def groups(self, files: list[str], format: str | None) -> list[int]:
         """Divides files into groups that are read together, and returns their sizes."""
         from . import io
 
-        return [len(files)] if format else io.groups([Path(file) for file in files])
+        return io.groups([Path(file) for file in files], format)
 
     def unpacked(self, file: str) -> Path:
         """Returns the content of a compressed file."""
@@ -88,30 +83,49 @@ class Reader:
         return io.unpacked([Path(file)], Path(self.folder.name))[0]
 
     def frames(
-        self, files: list[str], one_motion: bool, options: dict[str, Any]
-    ) -> Iterator[tuple[Frame, Path | None, list[tuple[int, str, str]], list[str]]]:
-        """Opens files that are read together. Yields each frame, its file if it has one of its own,
-        the elements that are not read, and what is new about the files."""
+        self,
+        files: list[str],
+        one_motion: bool,
+        flags: tuple[bool | None, bool, bool],
+        of_cell: tuple[bool | None, str | None],
+        select: str | None,
+        format: str | None,
+    ) -> Iterator[tuple[Frame, list[tuple[int, str, str]], list[str]]]:
+        """Opens files that are read together. Yields each frame, the elements that are not read,
+        and new notes about the files."""
         from . import io
 
-        frames = io.read(*files, **options)
+        closed, keep_open, keep_order = flags
+        unwrap, cell = of_cell
+        frames = io.read(
+            *files,
+            closed=closed,
+            keep_open=keep_open,
+            keep_order=keep_order,
+            unwrap=unwrap,
+            cell=cell,
+            select=select,
+            format=format,
+        )
         if frames.runs > 1 and not one_motion:
             raise ValueError(
-                f"{frames.runs} files have several frames each: check each of them alone (--each), "
-                "or give --one-motion if they continue one another"
+                f"{frames.runs} files have several frames each: check each of them alone, or give "
+                "--one-motion if they continue one another"
             )
-        return self._read(frames)
+        return _read(frames)
 
-    def _read(self, frames: Frames) -> Iterator[Any]:
-        summary = frames.summary
-        said, known, left_out = 0, None, []
-        for k, frame in enumerate(frames):
-            notes = summary.notes[said:] if k else summary.lines()
-            said = len(summary.notes)
-            if frame.left_out != known:
-                known = frame.left_out
-                left_out = [_counted(sentence) for sentence in known]
-            yield frame, frames.files[k] if frames.files else None, left_out, notes
+
+def _read(frames: Frames) -> Iterator[tuple[Frame, list[tuple[int, str, str]], list[str]]]:
+    """Yields frames: see :meth:`Reader.frames`."""
+    summary = frames.summary
+    said, known, left_out = 0, None, []
+    for k, frame in enumerate(frames):
+        notes = summary.notes[said:] if k else summary.lines()
+        said = len(summary.notes)
+        if frame.left_out != known:
+            known = frame.left_out
+            left_out = [_counted(sentence) for sentence in known]
+        yield frame, left_out, notes
 
 
 def _counted(sentence: str) -> tuple[int, str, str]:

@@ -62,11 +62,15 @@ def frames_of(
         read = lambda frames: frames  # noqa: E731
     elif isinstance(given, (list, tuple)) and given and isinstance(given[0], (str, os.PathLike)):
         read, args = functools.partial(io.read, keep_open=keep_open), list(given)
-        if wrapped and io.format_of(Path(given[0])).name == "linkwatch":
-            # The command refuses curves that are torn, unless it unwraps them.
-            options.setdefault("unwrap", True)
+        format = io.format_of(Path(given[0]))
+        # The command refuses curves that are torn, unless it unwraps them.
+        is_told = wrapped is False or wrapped and format.name == "linkwatch"
+        if is_told and "unwrap" in format.options.split():
+            options.setdefault("unwrap", wrapped)
     elif hasattr(given, "universe") and hasattr(given, "atoms"):
         read = io.from_mdanalysis
+        if wrapped is False:
+            options.setdefault("unwrap", False)
     options = {name: value for name, value in options.items() if value is not None}
     for name in options:
         if name not in inspect.signature(read).parameters:

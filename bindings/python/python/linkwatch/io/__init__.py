@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING
 
 from .. import _arguments as arguments
 from . import _hair, _mdanalysis, _mesh, _native, _oxdna, _text, _usd
-from ._curves import Options
+from ._curves import Options, is_dump
 from ._frames import Frame, Frames, Summary
 from ._mesh import read_files
 from ._npz import write
@@ -45,8 +45,9 @@ if TYPE_CHECKING:
 
 __all__ = ["FORMATS", "Format", "Frame", "Frames", "Summary", "from_mdanalysis", "read", "write"]
 
-#: Suffixes of files that the command always reads itself.
-OWN = (".bcc", ".npy", ".npz", ".mcap", ".obj", ".vect", ".xyz", ".extxyz", ".dump", ".lammpstrj")
+#: Suffixes of files that the command always reads itself, and of those that are no molecules.
+MODELS = (".bcc", ".npy", ".npz", ".mcap", ".obj", ".vect")
+OWN = (*MODELS, ".xyz", ".extxyz", ".dump", ".lammpstrj")
 
 #: Bytes at the beginning of a file that may tell its format.
 HEAD = 1 << 10
@@ -164,19 +165,23 @@ def format_of(path: Path) -> Format:
 TOGETHER = ({"mdanalysis", "linkwatch"}, {"mdanalysis", "oxdna"})
 
 
-def groups(paths: Sequence[Path]) -> list[int]:
-    """Divides files into successive ones that are read together, and returns their numbers. Those
-    that the command reads itself are alone."""
+def groups(paths: Sequence[Path], format: str | None) -> list[int]:
+    """Divides files into successive ones that the package reads together, as topologies and their
+    trajectories, and returns their numbers. ``format`` is that of :func:`read`."""
     found: list[list[str]] = []
     for path in paths:
-        name = format_of(path).name if path.is_file() else "linkwatch"
-        both = {name, *(found[-1] if found else ())}
-        if found and (len(both) == 1 or any(both <= one for one in TOGETHER)):
-            found[-1].append(name)
+        name, last = "", found[-1] if found else []
+        if path.is_file() and path.suffix.lower() not in MODELS:
+            name = format or format_of(path).name
+        # A topology that the command reads comes first of all.
+        follows = name == "mdanalysis" and found == [["linkwatch"]]
+        if {"mdanalysis", "oxdna"} & {*last} and any({name, *last} <= one for one in TOGETHER):
+            follows = name != "linkwatch" or path.suffix.lower() in OWN or is_dump(path)
+        if follows:
+            last.append(name)
         else:
             found.append([name])
-    sizes = ([1] * len(one) if {*one} == {"linkwatch"} else [len(one)] for one in found)
-    return [size for one in sizes for size in one]
+    return [len(one) for one in found]
 
 
 def _format_of_all(paths: Sequence[Path]) -> Format:

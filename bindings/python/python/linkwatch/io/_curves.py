@@ -279,9 +279,7 @@ def frames_of_files(
             scene.notes += notes * (k == 0)
             yield scene
 
-    frames = frames_of_scenes(ordered[0], scenes, options, len(ordered))
-    frames.files = ordered
-    return frames
+    return frames_of_scenes(ordered[0], scenes, options, len(ordered))
 
 
 def frames_of_scenes(

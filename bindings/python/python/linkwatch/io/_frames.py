@@ -135,8 +135,6 @@ class Frames:
         self.summary = summary
         #: Number of frames; ``None`` if the file has to be read to count them.
         self.length = length
-        #: Files of the frames, if each has its own.
-        self.files: list[Path] = []
         #: Number of files that have several frames each, and may be runs of their own.
         self.runs = 0
         #: Reads the frames from one number to another alone, if the format can.
