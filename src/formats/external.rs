@@ -2,8 +2,9 @@
 
 use super::frames::{FrameSource, ModelFrame, ReadOptions, Source};
 use crate::error::{Error, Result};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock};
 
 /// Frames of an [`ExternalReader`].
 pub type ExternalFrames = Box<dyn Iterator<Item = Result<ModelFrame>> + Send>;
@@ -76,7 +77,7 @@ pub(super) fn open(files: &[PathBuf], options: &ReadOptions) -> Result<Source<'s
     Ok(Box::new(External { name, frames }))
 }
 
-/// Frames, of which the notes are logged.
+/// Frames, of which the notes are logged: each once, also if further files have the same.
 struct External {
     name: PathBuf,
     frames: ExternalFrames,
@@ -84,9 +85,15 @@ struct External {
 
 impl FrameSource for External {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        static KNOWN: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
         let frame = self.frames.next().transpose()?;
         for note in frame.iter().flat_map(|frame| &frame.notes) {
-            tracing::info!("{}: {note}", self.name.display());
+            if KNOWN
+                .lock()
+                .is_ok_and(|mut known| known.insert(note.clone()))
+            {
+                tracing::info!("{}: {note}", self.name.display());
+            }
         }
         Ok(frame)
     }

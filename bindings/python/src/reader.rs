@@ -81,7 +81,7 @@ fn failed(py: Python<'_>, e: &PyErr, files: &[PathBuf]) -> Error {
         || e.is_instance_of::<PyOSError>(py)
         || e.is_instance_of::<PyValueError>(py);
     let words = if is_known {
-        rest(&path).unwrap_or(&words).to_owned()
+        of_command(rest(&path).unwrap_or(&words))
     } else {
         e.display(py);
         let kind = e.get_type(py).name();
@@ -92,6 +92,11 @@ fn failed(py: Python<'_>, e: &PyErr, files: &[PathBuf]) -> Error {
     // The frames after it are lost, so it is not only one invalid frame.
     let source = std::io::Error::other(words);
     Error::File { path, source }
+}
+
+/// Returns a message with the options of the command in place of those of the package.
+fn of_command(words: &str) -> String {
+    words.replace("`unwrap=False`", "--wrapped=false")
 }
 
 /// Frames of files that are read together.
@@ -146,8 +151,8 @@ impl PackageFrames {
             first,
         });
         info.left_out = left_out.collect();
-        let curves = match get("rejected")?.extract()? {
-            Some(why) => Err(Error::Usage(why)),
+        let curves = match get("rejected")?.extract::<Option<String>>()? {
+            Some(why) => Err(Error::Usage(of_command(&why))),
             None => {
                 let points: Points<'_> = get("positions")?.extract()?;
                 let (counts, basis): (Vec<i32>, String) =

@@ -356,6 +356,18 @@ def test_results_of_the_command_name_the_files_that_the_package_reads(tmp_path):
     assert code == 0 and "linkwatch-" not in text and str(files[1]) in text, text
 
 
+def test_a_frame_at_no_time_is_replayed(tmp_path):
+    # Regression test: its verdicts differed, because NaN is unlike itself.
+    assert "\n0.25\n" in vtk()
+    times = ["0", "nan", "2"]
+    contents = [vtk().replace("\n0.25\n", f"\n{time}\n") for time in times]
+    files = [written(tmp_path, f"{k}.vtk", content) for k, content in enumerate(contents)]
+    recording = tmp_path / "a.mcap"
+    assert run("check", *files, "--record", recording)[0] == 0
+    code, out, err = run("replay", recording)
+    assert code == 0, (out, err)
+
+
 def apart(content):
     """Returns a file of two linked rings, with the second one elsewhere."""
     moved = POINTS + np.repeat([[0, 0, 0], [9, 0, 0]], 12, axis=0)

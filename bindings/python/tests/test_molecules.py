@@ -166,6 +166,8 @@ def test_options_of_the_cell_reach_the_readers(tmp_path):
     path = save(universe(wrapped), tmp_path / "b.pdb", bonds="all")
     for option in ([], ["--wrapped"]):
         assert run("certify", path, *option)[:2] == (0, "periodic 2 # lines: 1\n0,1,0,0,0,-1\n")
+    code, out, err = run("certify", small)
+    assert code == 2 and "would be a guess (--wrapped=false takes coordinates" in err, err
     # Regression test: the reader unwrapped them in spite of the option.
     (frame,) = frames_of([path], wrapped=False)
     np.testing.assert_allclose(frame.positions, wrapped, atol=1e-3)

@@ -88,7 +88,11 @@ impl Comparison {
 /// versions. The last intact frame may be one that the recording lacks, and after a gap it is
 /// unknown which curves are new.
 pub fn alike(found: &Report, recorded: &Report, after_gap: bool) -> bool {
-    let mut found = found.clone();
+    let (mut found, mut recorded) = (found.clone(), recorded.clone());
+    // NaN differs from itself.
+    if found.time.is_nan() && recorded.time.is_nan() {
+        (found.time, recorded.time) = (0.0, 0.0);
+    }
     if after_gap {
         found.appeared.clone_from(&recorded.appeared);
         found.gone.clone_from(&recorded.gone);
@@ -105,5 +109,5 @@ pub fn alike(found: &Report, recorded: &Report, after_gap: bool) -> bool {
     if recorded.events.iter().all(|e| e.lengths == 0.0) {
         found.events.iter_mut().for_each(|e| e.lengths = 0.0);
     }
-    found == *recorded
+    found == recorded
 }
