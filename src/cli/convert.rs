@@ -21,13 +21,12 @@ use std::path::{Path, PathBuf};
 /// several, the number of the frame is added to the name of each file: OUT-00000.obj, .. If the
 /// curves change, the frames from there on go to a further archive: OUT.npz, OUT-2.npz, ..
 #[derive(Debug, clap::Args)]
+#[command(override_usage = "linkwatch convert [OPTIONS] <IN>... <OUT>")]
 pub struct Args {
-    /// Model files, folders or patterns of them, or a recording
-    #[arg(required = true, value_name = "IN")]
-    inputs: Vec<PathBuf>,
-    /// The converted file
-    #[arg(value_name = "OUT")]
-    output: PathBuf,
+    /// Model files, folders or patterns of them, or a recording; and the converted file
+    // Two arguments would allow no option between them.
+    #[arg(required = true, value_name = "IN|OUT")]
+    files: Vec<PathBuf>,
     /// Convert only the frame with this number
     #[arg(long, value_name = "SEQ")]
     frame: Option<u64>,
@@ -51,15 +50,18 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    let inputs = input::expand(&args.inputs, args.keep_order)?;
+    let Some((output, inputs @ [_, ..])) = args.files.split_last() else {
+        return Err(usage!("the converted file, OUT, is missing"));
+    };
+    let inputs = input::expand(inputs, args.keep_order)?;
     let mut files = Files::new(args.overwrite);
     files.reads(&inputs);
     files.reads(args.format.bonds(&inputs));
-    let (target, content) = match input::is_mcap(&args.output) {
+    let (target, content) = match input::is_mcap(output) {
         true => (None, Content::Recording),
-        false => (Some(Format::to_write(&args.output)?), Content::Model),
+        false => (Some(Format::to_write(output)?), Content::Model),
     };
-    files.writes("OUT", [&args.output], content)?;
+    files.writes("OUT", [output], content)?;
     let options = ReadOptions {
         keep_order: args.keep_order,
         one_motion: args.one_motion,
@@ -103,7 +105,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             if !converter.is_valid(&frame) {
                 continue;
             }
-            let path = with_suffix(&args.output, &format!("{:05}", frame.info.seq));
+            let path = with_suffix(output, &format!("{:05}", frame.info.seq));
             files.writes("OUT", [&path], Content::Model)?;
             let mut one = std::iter::once(Ok(frame));
             write_whole(&path, args.overwrite, |part| {
@@ -111,7 +113,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             })?;
         }
     } else {
-        let mut path = args.output.clone();
+        let mut path = output.clone();
         loop {
             write_whole(&path, args.overwrite, |part| {
                 converter.write(part, &mut frames)
@@ -121,7 +123,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 break;
             }
             let number = converter.files.len() + 1;
-            path = with_suffix(&args.output, &number.to_string());
+            path = with_suffix(output, &number.to_string());
             files.writes("OUT", [&path], content).map_err(|e| {
                 let before = quoted(&converter.files);
                 usage!("{e}; the frames before that file are in {before}")
@@ -131,7 +133,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     converter.check_frames()?;
     converter.ends_in_gap = sequence.ends_in_gap();
     converter.continues = args.frame.is_none() && sequence.warn_of_unfinished();
-    converter.print(&args.output, numbered, json);
+    converter.print(output, numbered, json);
     let is_whole = converter.invalid.is_empty() && converter.left_out.is_empty();
     let lost = !is_whole || converter.continues;
     Ok(Outcome::undecided_if(lost || converter.undecided))

@@ -335,6 +335,21 @@ fn an_archive_of_curves_that_change_is_continued_by_another_one() {
     assert_eq!([one, two].map(curves), ["1 # lines: 0\n", "2 # lines: 0\n"]);
 }
 
+/// Regression test: an option between the files was an error of the command.
+#[test]
+fn options_may_stand_between_the_files_of_a_conversion() {
+    let folder = TempDir::new().unwrap();
+    let frames = squares(folder.path(), 2);
+    let out = folder.path().join("out.npz");
+    let [a, b] = [&frames[0], &frames[1]].map(|path| text(path));
+    let run = linkwatch(&["convert", a, "--force", b, "--frame", "1", text(&out)]);
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(run.stdout.contains(": 1 frame,"), "{run:?}");
+    let run = linkwatch(&["convert", text(&out)]);
+    assert_eq!(run.code, 2, "{run:?}");
+    assert!(run.stderr.contains("OUT, is missing"), "{run:?}");
+}
+
 #[test]
 fn a_format_that_is_only_read_is_refused_with_those_that_are_written() {
     let folder = TempDir::new().unwrap();
