@@ -74,15 +74,16 @@ const REFERRING: [&str; 11] = [
     "pvd", "pvtp", "pvtu", "vtm", "xdmf", "usd", "usda", "usdc", "usdz", "top", "itp",
 ];
 
-/// Returns the [`Line::key`] of a run that reads these files. That of a file which refers to others
-/// is new in every call.
+/// Returns the [`Line::key`] of a run that reads these files, the model first. That of a model
+/// which refers to other files is new in every call.
 fn key(files: &[PathBuf], options: &str) -> String {
     let mut hasher = DefaultHasher::new();
     options.hash(&mut hasher);
+    let model = files.first().map(|model| without_compression(model));
+    if model.is_some_and(|model| has_extension(&model, &REFERRING)) {
+        SystemTime::now().hash(&mut hasher);
+    }
     for file in files {
-        if has_extension(&without_compression(file), &REFERRING) {
-            SystemTime::now().hash(&mut hasher);
-        }
         let file = file.metadata().ok();
         let modified = file.as_ref().and_then(|file| file.modified().ok());
         // A copy may keep the time of the file that it replaces.

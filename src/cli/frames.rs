@@ -139,8 +139,6 @@ struct Selected {
     frames: FileFrames,
     /// True if all chosen frames were read.
     ended: bool,
-    /// True if the last frame is not that of the simulation, because frames after it are damaged.
-    is_damaged: bool,
     /// Number of the last frame that was read, for a range of numbers.
     last: Option<u64>,
     /// True if the file may have several frames.
@@ -163,7 +161,6 @@ impl Selected {
             selection: args.frame.unwrap_or_default(),
             frames: input::open_or_build(files, options)?,
             ended: false,
-            is_damaged: false,
             last: None,
             numbered: input::may_have_several(files, options),
             several: false,
@@ -201,7 +198,7 @@ impl Selected {
             return refuse(&self.path, &what);
         }
         let mut ahead = ahead.into_iter();
-        let (mut outcome, mut valid) = (Outcome::undecided_if(self.is_damaged), false);
+        let (mut outcome, mut valid) = (Outcome::Fine, false);
         while let Some(frame) = ahead.next().or_else(|| self.read()) {
             let frame = match frame {
                 Ok(frame) => frame,
@@ -280,7 +277,6 @@ impl Selected {
                 Err(e) if last.is_none() => return Some(Err(e)),
                 Err(e) => {
                     tracing::warn!("{e}; the last frame before that is used");
-                    self.is_damaged = true;
                     break;
                 }
             }
