@@ -162,7 +162,7 @@ impl Selected {
             frames: input::open_or_build(files, options)?,
             ended: false,
             last: None,
-            numbered: input::may_have_several(files, options),
+            numbered: input::are_numbered(files, options, true),
             several: false,
             left_out: Vec::new(),
             cells: Cells::new(cells),

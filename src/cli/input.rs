@@ -307,9 +307,15 @@ pub fn holds_frames(path: &Path) -> bool {
     is_mcap(path) || Format::of(path).is_ok_and(Format::holds_frames)
 }
 
-/// Same as [`holds_frames`] for files that are read together, or by the option `--format`.
-pub fn may_have_several(files: &[PathBuf], options: &ReadOptions) -> bool {
-    files.len() > 1 || options.format.is_some() || files.iter().any(|file| holds_frames(file))
+/// Returns true if the name of a frame of these files has its number. `has_several` is true if they
+/// may have several frames, which the names of other formats do not tell.
+pub fn are_numbered(files: &[PathBuf], options: &ReadOptions, has_several: bool) -> bool {
+    let is_numbered = |file: &PathBuf| match Format::of(file) {
+        Ok(Format::External) => has_several,
+        Ok(format) => format.holds_frames(),
+        Err(_) => is_mcap(file),
+    };
+    files.len() > 1 || options.format.is_some() || files.iter().any(is_numbered)
 }
 
 /// Returns true if a file is to be read as a recording of linkwatch: it is one by its content, or

@@ -169,10 +169,8 @@ impl Sequence {
         let most_ahead = if self.single { 0 } else { 2 };
         let ahead: VecDeque<_> = frames.by_ref().take(most_ahead).collect();
         let has_several = ahead.len() > 1;
-        // The names of other formats do not tell if a file has several frames.
-        let is_external = Format::of(&path).is_ok_and(|format| format == Format::External);
-        let is_numbered = input::may_have_several(files, &self.options)
-            && (has_several || self.single || !is_external);
+        let may_have_several = has_several || self.single;
+        let is_numbered = input::are_numbered(files, &self.options, may_have_several);
         let begins_run = has_several && self.had_several && !self.one_motion && !is_next;
         self.had_several |= has_several;
         Ok(File {

@@ -32,7 +32,6 @@ impl ExternalReader for PackageReader {
     }
 
     fn open(&self, files: &[PathBuf], options: &ReadOptions) -> Result<ExternalFrames> {
-        let given = (options.closed, options.keep_open, options.keep_order);
         // The command unwraps coordinates if it was told to.
         let unwrap = options.wrapped.map(|_| false);
         let cell = match options.cell {
@@ -40,11 +39,17 @@ impl ExternalReader for PackageReader {
             Some(None) if options.wrapped.is_none() => Some("none".into()),
             _ => None,
         };
-        let (select, format) = (options.select.as_deref(), options.format.as_deref());
-        let of_cell = (unwrap, cell);
-        let arguments = (files, options.one_motion, given, of_cell, select, format);
+        let given = (
+            options.closed,
+            options.keep_open,
+            options.keep_order,
+            unwrap,
+            cell,
+            options.select.as_deref(),
+            options.format.as_deref(),
+        );
         Ok(Box::new(PackageFrames {
-            frames: self.call("frames", arguments, files)?,
+            frames: self.call("frames", (files, options.one_motion, given), files)?,
             files: files.into(),
             labels: Arc::default(),
         }))

@@ -196,9 +196,10 @@ impl FrameSink for NpzFile {
             return wrong("a frame with other names or radii than the first one".into());
         }
         if self.labels != *labels {
-            let radii = self.labels.radii.iter().zip(&labels.radii);
-            let radii: Vec<f32> = radii.map(|(a, b)| a.max(*b)).collect();
-            self.labels = Arc::new(CurveLabels::named(self.labels.names.clone()).with_radii(radii));
+            let known = Arc::make_mut(&mut self.labels).radii.iter_mut();
+            known
+                .zip(&labels.radii)
+                .for_each(|(r, new)| *r = r.max(*new));
         }
         if let Some(last) = self.seq.last().filter(|last| frame.info.seq <= **last) {
             return wrong(format!("frame {} after frame {last}", frame.info.seq));

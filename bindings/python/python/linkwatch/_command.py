@@ -15,10 +15,15 @@ from ._linkwatch import command
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from typing import Any
+
     from .io import Frame, Frames
 
 # Sentence about elements that are not read: the file of a later frame, number, kind, first place.
 SENTENCE = re.compile(r"(.*?: )?(\d+) (.+?) \((?:the first one: )?(.*)\)", re.DOTALL)
+
+# Options of `io.read` that the command passes, in this order.
+OPTIONS = "closed keep_open keep_order unwrap cell select format".split()
 
 
 def main() -> int:
@@ -83,30 +88,13 @@ class Reader:
         return io.unpacked([Path(file)], Path(self.folder.name))[0]
 
     def frames(
-        self,
-        files: list[str],
-        one_motion: bool,
-        flags: tuple[bool | None, bool, bool],
-        of_cell: tuple[bool | None, str | None],
-        select: str | None,
-        format: str | None,
+        self, files: list[str], one_motion: bool, options: tuple[Any, ...]
     ) -> Iterator[tuple[Frame, list[tuple[int, str, str]], list[str]]]:
-        """Opens files that are read together. Yields each frame, the elements that are not read,
-        and new notes about the files."""
+        """Opens files that are read together, with the values of ``OPTIONS``. Yields each frame,
+        the elements that are not read, and new notes about the files."""
         from . import io
 
-        closed, keep_open, keep_order = flags
-        unwrap, cell = of_cell
-        frames = io.read(
-            *files,
-            closed=closed,
-            keep_open=keep_open,
-            keep_order=keep_order,
-            unwrap=unwrap,
-            cell=cell,
-            select=select,
-            format=format,
-        )
+        frames = io.read(*files, **dict(zip(OPTIONS, options)))
         if frames.runs > 1 and not one_motion:
             raise ValueError(
                 f"{frames.runs} files have several frames each: check each of them alone, or give "
