@@ -1,6 +1,6 @@
 //! Error type of the library. Messages carry the numbers that disagree.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Extensions of the model files that linkwatch reads, for messages and help texts.
 pub const MODEL_FILES: &str = concat!(
@@ -289,6 +289,24 @@ impl Error {
                 source: Box::new(other),
             },
         }
+    }
+
+    /// Names another file if the error names a file, or one beside it, under a temporary name.
+    pub(crate) fn renamed(mut self, temporary: &Path, file: &Path) -> Self {
+        if let Self::File { path, .. }
+        | Self::InFile { path, .. }
+        | Self::UnknownModel { path }
+        | Self::Folder { path, .. } = &mut self
+        {
+            if path == temporary {
+                *path = file.into();
+            } else if let (Some(name), true) =
+                (path.file_name(), path.parent() == temporary.parent())
+            {
+                *path = file.with_file_name(name);
+            }
+        }
+        self
     }
 
     /// Returns a function that adds a path to an I/O error.

@@ -1,6 +1,6 @@
 //! The option `--braid` of every command that verifies frames.
 
-use super::input::unpacked;
+use linkwatch::formats::unpacked;
 use linkwatch::{Braids, Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -36,7 +36,7 @@ impl BraidArgs {
     /// Returns the braids, if there are some.
     pub fn braids(&self) -> Result<Option<Braids>> {
         match self.file() {
-            Some(path) => Braids::read(&unpacked(path)?).map(Some),
+            Some(path) => unpacked(path, Braids::read).map(Some),
             None if self.braid.is_some() => Ok(Some(Braids::Auto)),
             None => Ok(self.recorded.clone()),
         }

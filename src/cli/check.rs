@@ -11,7 +11,7 @@ use super::run::{Baseline, Judge, JunitArgs, Run, Setup, Sinks};
 use super::sequence::{Frame, Sequence};
 use crate::curve::Metric;
 use crate::curve::vector::{distance, per_axis};
-use linkwatch::formats::ReadOptions;
+use linkwatch::formats::{ReadOptions, without_compression};
 use linkwatch::{AbortOn, Cell, CurveSet, Error, Events, Point, Result, SessionOptions};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
@@ -59,11 +59,11 @@ const MOST_AHEAD: usize = 64;
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let models = match &args.each_args.only {
-        Some(model) => vec![input::unpacked(model)?],
+        Some(model) => vec![model.clone()],
         None if args.each_args.each => {
             let compared = (&args.baseline, &args.event_args, &args.braid_args);
             let options = (&args.format, compared, &args.cell_args, args.early_exit);
-            let models = input::listed_models(&args.models)?;
+            let models = input::expand_models(&args.models)?;
             let certificate = match &args.baseline {
                 Some(Baseline::File(path)) => Some(path.as_path()),
                 _ => None,
@@ -71,10 +71,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             let reads = |model: &PathBuf| {
                 let others = [Some(model.as_path()), certificate, args.braid_args.file()];
                 let others = others.into_iter().flatten().map(PathBuf::from);
-                let plain = input::without_compression(model);
                 // The topology of oxDNA.
-                let topology = plain.with_extension("top");
-                let bonds = args.format.bonds(slice::from_ref(&plain));
+                let topology = without_compression(model).with_extension("top");
+                let bonds = args.format.bonds(slice::from_ref(model));
                 others.chain(bonds).chain([topology]).collect()
             };
             return args.each_args.run(&models, &format!("{options:?}"), reads);

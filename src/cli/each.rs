@@ -2,9 +2,10 @@
 //!
 //! A run that crashes, or that the system kills because memory is short, costs no other run.
 
-use super::input::{has_extension, without_compression};
+use super::input::has_extension;
 use super::{Outcome, output};
 use linkwatch::Result;
+use linkwatch::formats::without_compression;
 use rayon::iter::{ParallelBridge, ParallelIterator};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

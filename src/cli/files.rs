@@ -177,9 +177,7 @@ pub fn write_whole(
 fn of_output(e: Error, part: &Path, path: &Path) -> Error {
     match e {
         Error::Io(source) => Error::file(path)(source),
-        Error::File { path: of, source } if of == part => Error::file(path)(source),
-        Error::InFile { path: of, source } if of == part => source.in_file(path),
-        other => other,
+        other => other.renamed(part, path),
     }
 }
 

@@ -3,7 +3,7 @@
 use super::cell_args::CellArgs;
 use super::order;
 use super::recorded::Recorded;
-use linkwatch::formats::{Format, Frames, ModelFrame, ReadOptions};
+use linkwatch::formats::{Format, Frames, ModelFrame, ReadOptions, without_compression};
 use linkwatch::scenes::Scene;
 use linkwatch::{CurveSet, Error, LeftOut, RecordingReader, Result, formats};
 use std::fs::DirEntry;
@@ -53,8 +53,8 @@ impl FormatArgs {
             bonds: self.bonds.clone(),
             ..ReadOptions::default()
         };
-        let models = models.iter();
-        models.filter_map(move |model| options.bonds_of(model))
+        let models = models.iter().map(|model| without_compression(model));
+        models.filter_map(move |model| options.bonds_of(&model))
     }
 
     /// Returns the options of cells, which say that curves stay open if `--closed=false` does.
@@ -66,7 +66,7 @@ impl FormatArgs {
     /// Returns the options of a reader.
     pub fn options(&self, cells: &CellArgs) -> Result<ReadOptions> {
         Ok(ReadOptions {
-            bonds: self.bonds.as_deref().map(unpacked).transpose()?,
+            bonds: self.bonds.clone(),
             counts: self.counts.clone(),
             closed: self.closed,
             topic: self.topic.clone(),
@@ -78,16 +78,6 @@ impl FormatArgs {
             select: self.select.clone(),
             format: self.format.clone(),
         })
-    }
-}
-
-/// Returns a file with the content of a compressed one, if this process can unpack it. Others are
-/// returned as they are.
-pub fn unpacked(file: impl AsRef<Path>) -> Result<PathBuf> {
-    let file = file.as_ref();
-    match formats::reader().filter(|_| has_extension(file, &COMPRESSED) && file.is_file()) {
-        Some(reader) => reader.unpacked(file),
-        None => Ok(file.into()),
     }
 }
 
@@ -163,18 +153,12 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
             ),
         }
     }
-    files.iter().map(unpacked).collect()
+    Ok(files)
 }
 
 /// Same as [`expand`] for models that are no frames of one motion: they keep their order, and a
 /// folder may hold several formats.
 pub fn expand_models(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
-    let models = listed_models(arguments)?;
-    models.iter().map(unpacked).collect()
-}
-
-/// Same as [`expand_models`], but compressed files stay as they are.
-pub fn listed_models(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let files = arguments.iter().map(|argument| match argument.is_dir() {
         true => models_in(argument),
         false => listed(argument),
@@ -188,17 +172,6 @@ const OF_PACKAGE: [&str; 24] = [
     "trr", "trz", "usd", "usda", "usdc", "usdz", "vtk", "vtm", "vtp", "vtu", "xdmf", "xtc",
 ];
 
-/// Extensions of compressed files that an external reader unpacks.
-const COMPRESSED: [&str; 3] = ["gz", "bz2", "xz"];
-
-/// Returns the name of a file without the extension of a compressed one.
-pub fn without_compression(file: &Path) -> PathBuf {
-    match has_extension(file, &COMPRESSED) {
-        true => file.with_extension(""),
-        false => file.into(),
-    }
-}
-
 /// Returns true if a file has one of these extensions.
 pub fn has_extension(file: &Path, extensions: &[&str]) -> bool {
     let extension = file.extension().unwrap_or_default();
@@ -211,7 +184,8 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
     // MDAnalysis writes hidden archives beside trajectories.
     let is_hidden = |entry: &DirEntry| entry.file_name().as_encoded_bytes().starts_with(b".");
     let entries = entries.flatten().filter(|entry| !is_hidden(entry));
-    let files: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    let is_plain = |file: &PathBuf| without_compression(file) == *file;
+    let (files, packed): (Vec<_>, Vec<_>) = entries.map(|entry| entry.path()).partition(is_plain);
     let is_model = |file: &PathBuf| match Format::of(file) {
         // A folder may have tables of numbers, which are no points.
         Ok(Format::Points) => false,
@@ -225,6 +199,7 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
         let is_external = |file: &mut PathBuf| matches!(Format::of(file), Ok(Format::External));
         models.extend(others.extract_if(.., is_external));
     }
+    others.extend(packed);
     models.sort();
     let format = models.first().map(|model| Format::of(model));
     if let Some(file) = others.iter().find(|file| is_compressed(file, &format)) {
@@ -290,8 +265,7 @@ fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
 
 /// Returns true if the file is a recording, or an MCAP file of another program.
 pub fn is_mcap(path: &Path) -> bool {
-    let extension = path.extension();
-    extension.is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
+    has_extension(&without_compression(path), &["mcap"])
 }
 
 /// Returns true if a file begins as an MCAP file, whatever its name.
@@ -324,14 +298,16 @@ pub fn is_recording(path: &Path) -> Result<bool> {
     if !path.is_file() {
         return Ok(is_mcap(path));
     }
-    if !is_mcap(path) && !begins_as_mcap(path) {
-        return Ok(false);
-    }
-    let mut reader = RecordingReader::open(path).map_err(|e| e.in_file(path))?;
-    // The metadata is complete once the first item was read. An error is that of a recording.
-    let first = reader.next_item();
-    // A file without messages may be a recording that was cut off at its start.
-    Ok(!matches!(first, Ok(None)) || !reader.metadata().is_empty() || reader.skipped() == 0)
+    formats::unpacked(path, |path| {
+        if !is_mcap(path) && !begins_as_mcap(path) {
+            return Ok(false);
+        }
+        let mut reader = RecordingReader::open(path).map_err(|e| e.in_file(path))?;
+        // The metadata is complete once the first item was read. An error is that of a recording.
+        let first = reader.next_item();
+        // A file without messages may be a recording that was cut off at its start.
+        Ok(!matches!(first, Ok(None)) || !reader.metadata().is_empty() || reader.skipped() == 0)
+    })
 }
 
 /// Fails if a file is no recording of linkwatch.

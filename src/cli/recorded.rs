@@ -3,7 +3,7 @@
 use super::output::{count, plural};
 use super::source::Source;
 use crate::record::{CONTINUED, CUT_OFF, MissingFrames, PART};
-use linkwatch::formats::ModelFrame;
+use linkwatch::formats::{ModelFrame, without_compression};
 use linkwatch::{
     Ending, FrameInfo, RecordedFrame, RecordedItem, RecordedVerdict, Result, Retention, Verdict,
 };
@@ -28,6 +28,7 @@ pub fn part(path: &Path) -> Option<Part> {
     let metadata = source.reader.metadata();
     let number = metadata.get(PART);
     let number = number.map_or(Some(1), |number| number.parse().ok())?;
+    let path = without_compression(path);
     let stem = path.file_stem()?.to_string_lossy();
     let run = stem.strip_suffix(&format!("-part{number}"));
     Some(Part {

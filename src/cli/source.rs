@@ -4,7 +4,7 @@ use super::input;
 use super::range::Range;
 use crate::record::{CONTINUED, CUT_OFF};
 use crate::words::truncated;
-use linkwatch::{Ending, Error, RecordedItem, RecordingReader, Result};
+use linkwatch::{Ending, Error, RecordedItem, RecordingReader, Result, formats};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -27,9 +27,10 @@ impl Source {
 
     /// Opens a file as a recording.
     pub fn new(path: &Path) -> Result<Source> {
+        let open = |plain: &Path| RecordingReader::open(plain).map_err(|e| e.in_file(plain));
         Ok(Source {
             path: path.into(),
-            reader: RecordingReader::open(path).map_err(|e| e.in_file(path))?,
+            reader: formats::unpacked(path, open)?,
             lacks_curves: false,
         })
     }

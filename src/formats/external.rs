@@ -28,7 +28,7 @@ pub trait ExternalReader: Send + Sync {
     /// The reader cannot be used.
     fn groups(&self, files: &[PathBuf], format: Option<&str>) -> Result<Vec<usize>>;
 
-    /// Returns a file with the content of a compressed one, or the file itself.
+    /// Returns a file with the content of a compressed one. Later calls return the same file.
     ///
     /// # Errors
     ///
@@ -67,34 +67,52 @@ pub(crate) fn name_of(files: &[PathBuf]) -> PathBuf {
     }
 }
 
+/// Extensions of compressed files that the reader unpacks.
+const COMPRESSED: [&str; 3] = ["gz", "bz2", "xz"];
+
+/// Returns the name of a file without the extension of a compressed one, if this process has a
+/// reader that unpacks it.
+pub(crate) fn without_compression(file: &Path) -> PathBuf {
+    let extension = file.extension().unwrap_or_default();
+    let is_packed = |_: &_| COMPRESSED.iter().any(|e| extension.eq_ignore_ascii_case(e));
+    match reader().filter(is_packed) {
+        Some(_) => file.with_extension(""),
+        None => file.into(),
+    }
+}
+
+/// Calls `read` with a file that has the content of a compressed one, or with the file itself.
+/// Errors name the file that was given.
+pub(crate) fn unpacked<T>(file: &Path, read: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
+    let is_packed = |_: &_| file.is_file() && without_compression(file) != file;
+    let plain = reader()
+        .filter(is_packed)
+        .map(|reader| reader.unpacked(file));
+    let plain = plain.transpose()?.unwrap_or_else(|| file.into());
+    read(&plain).map_err(|e| e.renamed(&plain, file))
+}
+
 /// Opens a group of files.
 pub(super) fn open(files: &[PathBuf], options: &ReadOptions) -> Result<Source<'static>> {
     let none = "files that are read together, or by the option `format`: only the Python package \
                 has readers for them";
     let reader = reader().ok_or_else(|| Error::unsupported("model", none))?;
-    let frames = reader.open(files, options)?;
-    let name = name_of(files);
-    Ok(Box::new(External { name, frames }))
+    Ok(Box::new(reader.open(files, options)?))
 }
 
-/// Frames, of which the notes are logged: each once, also if further files have the same.
-struct External {
-    name: PathBuf,
-    frames: ExternalFrames,
-}
-
-impl FrameSource for External {
+impl FrameSource for ExternalFrames {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
-        static KNOWN: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
-        let frame = self.frames.next().transpose()?;
-        for note in frame.iter().flat_map(|frame| &frame.notes) {
-            if KNOWN
-                .lock()
-                .is_ok_and(|mut known| known.insert(note.clone()))
-            {
-                tracing::info!("{}: {note}", self.name.display());
-            }
+        self.next().transpose()
+    }
+}
+
+/// Logs the notes of a frame: each once, also if further files have the same.
+pub(super) fn log_notes(path: &Path, frame: &ModelFrame) {
+    static KNOWN: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    for note in &frame.notes {
+        let is_new = KNOWN.lock().map(|mut known| known.insert(note.clone()));
+        if is_new.is_ok_and(|is_new| is_new) {
+            tracing::info!("{}: {note}", path.display());
         }
-        Ok(frame)
     }
 }

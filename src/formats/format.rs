@@ -85,6 +85,11 @@ impl Format {
     /// [`Error::Folder`], [`Error::UnknownModel`], and [`Error::Unsupported`] for USD,
     /// which the Python package reads.
     pub fn of(path: &Path) -> Result<Format> {
+        external::unpacked(path, Format::of_plain)
+    }
+
+    /// Returns the format of a file that is not compressed.
+    fn of_plain(path: &Path) -> Result<Format> {
         if path.is_dir() {
             let (path, advice) = (path.into(), advice_on(path));
             return Err(Error::Folder { path, advice });

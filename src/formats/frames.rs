@@ -6,7 +6,7 @@
 
 use super::{Format, external, lammps};
 use crate::curve::{Cell, CurveSet};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::ingest::FrameInfo;
 use std::path::{Path, PathBuf};
 
@@ -117,6 +117,8 @@ pub(super) trait FrameSource {
 /// ```
 pub struct Frames {
     path: PathBuf,
+    /// The files that are read, which are other ones if they are compressed, and their names.
+    names: Vec<[PathBuf; 2]>,
     /// `None` after the last frame and after an error.
     source: Option<Source<'static>>,
 }
@@ -132,12 +134,7 @@ impl Frames {
             Some(_) => Format::External,
             None => Format::of(path)?,
         };
-        format.check(options, path)?;
-        let source = format.open(path, options).map_err(|e| e.in_file(path))?;
-        Ok(Frames {
-            path: path.into(),
-            source: Some(source),
-        })
+        Frames::of(format, &[path.into()], options)
     }
 
     /// Opens files together by the [`ExternalReader`](super::ExternalReader) of this process.
@@ -148,11 +145,32 @@ impl Frames {
     /// [`Error::Unsupported`](crate::Error::Unsupported) if there is no such reader, or it does not
     /// have an option.
     pub fn open_together(files: &[PathBuf], options: &ReadOptions) -> Result<Frames> {
+        Frames::of(Format::External, files, options)
+    }
+
+    fn of(format: Format, files: &[PathBuf], options: &ReadOptions) -> Result<Frames> {
         let path = external::name_of(files);
-        Format::External.check(options, &path)?;
-        let source = external::open(files, options).map_err(|e| e.in_file(&path))?;
-        let source = Some(source);
-        Ok(Frames { path, source })
+        format.check(options, &path)?;
+        let plain = |file: &PathBuf| external::unpacked(file, |plain| Ok(plain.to_owned()));
+        let plain = files.iter().map(plain).collect::<Result<Vec<_>>>()?;
+        let source = match &plain[..] {
+            [one] => format.open(one, options),
+            all => external::open(all, options),
+        };
+        let names = plain.into_iter().zip(files);
+        let mut frames = Frames {
+            path,
+            names: names.map(|(plain, file)| [plain, file.clone()]).collect(),
+            source: None,
+        };
+        frames.source = Some(source.map_err(|e| frames.named(e))?);
+        Ok(frames)
+    }
+
+    /// Returns an error that names a file that was given.
+    fn named(&self, e: Error) -> Error {
+        let named = |e: Error, [plain, file]: &[PathBuf; 2]| e.renamed(plain, file);
+        self.names.iter().fold(e, named).in_file(&self.path)
     }
 }
 
@@ -162,10 +180,11 @@ impl Iterator for Frames {
     /// Returns the next frame. Errors name the file; after one there are no more frames.
     fn next(&mut self) -> Option<Result<ModelFrame>> {
         let next = self.source.as_mut()?.next_frame();
-        if !matches!(next, Ok(Some(_))) {
-            self.source = None;
+        match &next {
+            Ok(Some(frame)) => external::log_notes(&self.path, frame),
+            _ => self.source = None,
         }
-        next.map_err(|e| e.in_file(&self.path)).transpose()
+        next.map_err(|e| self.named(e)).transpose()
     }
 }
 

@@ -49,7 +49,7 @@ pub use crate::error::MODEL_FILES;
 pub use bcc::write_bcc;
 pub use external::{ExternalFrames, ExternalReader};
 #[cfg(feature = "cli")]
-pub(crate) use external::{install, name_of, reader};
+pub(crate) use external::{install, name_of, reader, unpacked, without_compression};
 pub use format::Format;
 pub use frames::{Frames, ModelFrame, ReadOptions};
 pub use write::FrameWriter;

@@ -392,6 +392,33 @@ def test_compressed_files_keep_their_order(tmp_path):
     assert code == 1 and "was -1, is 0" in out, (out, err)
 
 
+def test_compressed_files_are_named_as_they_were_given(tmp_path):
+    # Regression test: results and errors named a temporary file, another one in each run.
+    first, second, third = (tmp_path / f"{name}.gz" for name in ("1.ply", "2.ply", "3.npz"))
+    first.write_bytes(gzip.compress(ply()))
+    second.write_bytes(gzip.compress(apart(ply())))
+    assert run("convert", second, tmp_path / "3.npz")[0] == 0
+    third.write_bytes(gzip.compress((tmp_path / "3.npz").read_bytes()))
+    record = tmp_path / "run.mcap"
+    options = ("--events=off", "--json", "--record", record, "--force")
+    code, out, err = run("check", first, second, third, *options)
+    models = [json.loads(line).get("model") for line in out.splitlines()]
+    frames = [f"{file}, frame 0" if file == third else str(file) for file in (first, second, third)]
+    assert (code, models[:3]) == (1, frames), (out, err)
+    assert "linkwatch-" not in out + err
+    packed = tmp_path / "run.mcap.gz"
+    packed.write_bytes(gzip.compress(record.read_bytes()))
+    code, out, err = run("replay", packed)
+    assert code == 1 and "linkwatch-" not in out + err, (out, err)
+    code, out, err = run("check", packed, "--events=off")
+    assert code == 1 and f"{packed}, frame 1: changed" in out, (out, err)
+    for file, content in ((first, ply()[:-20]), (third, b"PK")):
+        file.write_bytes(gzip.compress(content))
+        code, out, err = run("certify", file)
+        assert code == 2 and err.splitlines()[-1].startswith(f"error: {file}: "), err
+        assert "linkwatch-" not in err
+
+
 def test_a_folder_skips_no_file_of_the_package_in_silence(tmp_path):
     # Regression test: the compressed file was skipped, and the others were intact.
     files = [written(tmp_path, f"{k}.vtk", vtk()) for k in (1, 2)]

@@ -5,7 +5,7 @@ use crate::cli::cell_args::{CellArgs, KEEP_OPEN, WRAPPED};
 use crate::cli::clearance_args::{self, ClearanceArgs};
 use crate::cli::event_args::EventArgs;
 use crate::cli::files::{Files, Overwrite};
-use crate::cli::input::unpacked;
+use linkwatch::formats::unpacked;
 use linkwatch::{
     AbortOn, BaselineRecord, Braids, Certificate, Events, InvariantKind, Result, SessionOptions,
 };
@@ -122,7 +122,7 @@ impl Judge {
     pub fn baseline(&self, recorded: Option<BaselineRecord>) -> Result<Option<BaselineRecord>> {
         Ok(match &self.baseline {
             Some(Baseline::File(path)) => Some(BaselineRecord {
-                certificate: Arc::new(Certificate::read(&unpacked(path)?)?),
+                certificate: Arc::new(unpacked(path, Certificate::read)?),
                 origin: path.display().to_string(),
                 frame: None,
                 unverified: 0,

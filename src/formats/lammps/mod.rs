@@ -70,7 +70,9 @@ pub(super) fn read_data(input: Input<'_>, options: &ReadOptions) -> Result<Sourc
 pub(super) fn open_dump(path: &Path, options: &ReadOptions) -> Result<Source<'static>> {
     let lines = Lines::new(dump::FORMAT, super::open_text(path)?)?;
     let curves = match options.bonds_of(path) {
-        Some(bonds) => read_bonds(&bonds).map_err(|e| e.in_file(bonds))?,
+        Some(bonds) => {
+            super::external::unpacked(&bonds, read_bonds).map_err(|e| e.in_file(bonds))?
+        }
         None => chains(path, options.closed)?,
     };
     let (wrapped, last) = (options.wrapped.is_some(), None);

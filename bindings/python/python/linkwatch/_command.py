@@ -64,8 +64,9 @@ class Reader:
     needs them."""
 
     def __init__(self) -> None:
-        #: Contents of compressed files.
         self.folder: TemporaryDirectory[str] | None = None
+        #: Files in this folder with the contents of compressed ones.
+        self.plain: dict[str, Path] = {}
 
     def reads(self, file: str) -> bool:
         """Returns if the package, but not the command itself, reads the file."""
@@ -77,15 +78,20 @@ class Reader:
         """Divides files into groups that are read together, and returns their sizes."""
         from . import io
 
-        return io.groups([Path(file) for file in files], format)
+        return io.groups([self.unpacked(file) for file in files], format)
 
     def unpacked(self, file: str) -> Path:
-        """Returns the content of a compressed file."""
+        """Returns the content of a compressed file. Others are returned as they are."""
         from . import io
 
+        path = Path(file)
+        if path.suffix.lower() not in io.COMPRESSED or not path.is_file():
+            return path
         if self.folder is None:
             self.folder = TemporaryDirectory(prefix="linkwatch-")
-        return io.unpacked([Path(file)], Path(self.folder.name))[0]
+        if file not in self.plain:
+            self.plain[file] = io.unpacked([path], Path(self.folder.name))[0]
+        return self.plain[file]
 
     def frames(
         self, files: list[str], one_motion: bool, options: tuple[Any, ...]
