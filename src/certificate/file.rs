@@ -106,6 +106,8 @@ impl Certificate {
     ///
     /// [`Error::Format`] with the line that is invalid.
     pub fn parse(text: &str) -> Result<Certificate> {
+        // A byte order mark, which editors of Windows write.
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let bad = |line: usize, what: String| {
             Error::format("certificate", format_args!("line {}", line + 1), what)
         };
@@ -319,7 +321,11 @@ mod tests {
         assert_eq!(c.curves, 39);
         assert_eq!(c.to_string(), text);
         // Files written by verifycurves and by earlier versions of linkwatch.
-        for plain in ["39\n5,6,-2\n7,9,1\n", "39\n 7, 9, 1\n5,6,-2\n1,2,0"] {
+        for plain in [
+            "39\n5,6,-2\n7,9,1\n",
+            "39\n 7, 9, 1\n5,6,-2\n1,2,0",
+            "\u{feff}39\n5,6,-2\n7,9,1\n",
+        ] {
             assert_eq!(Certificate::parse(plain).unwrap(), c);
         }
         let empty = Certificate::parse("70").unwrap();

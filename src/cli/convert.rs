@@ -13,6 +13,7 @@ use linkwatch::{
     homotopic_polylines,
 };
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// Rewrite the frames of model files or of a recording in another format
@@ -99,7 +100,16 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         part,
         ..Converter::default()
     };
+    let mut older = Vec::new();
     if numbered {
+        let pattern = output.with_extension("");
+        let pattern = glob::Pattern::escape(&pattern.to_string_lossy());
+        let extension = output.extension().unwrap_or_default().to_string_lossy();
+        let pattern = format!("{pattern}-[0-9][0-9][0-9][0-9][0-9]*.{extension}");
+        let found = glob::glob(&pattern).into_iter().flatten().flatten();
+        let mut named: BTreeMap<_, _> = found
+            .map(|file| (file.file_name().map(OsStr::to_owned), file))
+            .collect();
         for frame in frames {
             let frame = frame?;
             if !converter.is_valid(&frame) {
@@ -111,7 +121,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             write_whole(&path, args.overwrite, |part| {
                 converter.write(part, &mut one)
             })?;
+            named.remove(&path.file_name().map(OsStr::to_owned));
         }
+        older.extend(named.into_values());
     } else {
         let mut path = output.clone();
         loop {
@@ -119,16 +131,24 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 converter.write(part, &mut frames)
             })?;
             converter.files.push(path);
-            if converter.waiting.is_none() {
-                break;
-            }
             let number = converter.files.len() + 1;
             path = with_suffix(output, &number.to_string());
+            if converter.waiting.is_none() {
+                older.extend(path.exists().then_some(path));
+                break;
+            }
             files.writes("OUT", [&path], content).map_err(|e| {
                 let before = quoted(&converter.files);
-                usage!("{e}; the frames before that file are in {before}")
+                usage!("{e}; the frames before it are in {before}")
             })?;
         }
+    }
+    if let Some(first) = older.first() {
+        tracing::warn!(
+            "{}: not of this conversion, but named as a further file of it ({} in all)",
+            first.display(),
+            older.len()
+        );
     }
     converter.check_frames()?;
     converter.ends_in_gap = sequence.ends_in_gap();
@@ -141,9 +161,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 
 /// Returns the names of files as arguments of a shell.
 fn quoted(files: &[PathBuf]) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "_-./+=:,@%".contains(c);
     let quote = |file: &PathBuf| match file.display().to_string() {
-        name if name.contains(char::is_whitespace) => format!("'{name}'"),
-        name => name,
+        name if name.chars().all(is_plain) => name,
+        name => format!("'{}'", name.replace('\'', r"'\''")),
     };
     files.iter().map(quote).collect::<Vec<_>>().join(" ")
 }

@@ -5,7 +5,8 @@
 //! Exporters write polylines in three forms:
 //!
 //! - One `l` of many vertices per curve (Houdini, often continued over lines by `\`): each is a
-//!   separate curve, closed if it ends at its first vertex.
+//!   separate curve, closed if it ends at its first vertex, or if the edge from its end to its
+//!   start follows.
 //! - Many `l` of two vertices (Blender): edges, which are joined if they share a vertex, in any
 //!   order. The curve starts with its first edge in the file and keeps the direction of that edge,
 //!   so that edges written in order give the curve in order. A vertex with more than two edges is
@@ -270,7 +271,15 @@ impl Statements {
             }
             [a, b] => {
                 self.indices.truncate(start);
-                self.edges.push(Edge { ends: [a, b], line });
+                let at = |k: usize| self.indices[k];
+                let is_closed_by_it = |last: &&mut Curve| {
+                    let Range { start, end } = last.indices;
+                    !last.closed && [at(end - 1), at(start)] == [a, b]
+                };
+                match self.curves.last_mut().filter(is_closed_by_it) {
+                    Some(last) => last.closed = true,
+                    None => self.edges.push(Edge { ends: [a, b], line }),
+                }
             }
             [a, .., b] => {
                 if a == b {

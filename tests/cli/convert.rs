@@ -126,6 +126,28 @@ fn an_output_is_not_overwritten_and_is_no_input() {
     let run = linkwatch(&["convert", text(&models[0]), text(&models[1]), "--force"]);
     assert_eq!(run.code, 0, "{}", run.stderr);
 }
+
+/// Files of an earlier conversion were taken for later frames of this one, in silence.
+#[test]
+fn files_of_an_earlier_conversion_are_named() {
+    let folder = TempDir::new().unwrap();
+    let models = squares(folder.path(), 3);
+    let at = |name: &str| folder.path().join(name);
+    let is_named = |name: &str, models: &[PathBuf], out: &str| {
+        let models: Vec<&str> = models.iter().map(|model| text(model)).collect();
+        let out = at(out);
+        let run = linkwatch(&[&["convert", "--force"], &models[..], &[text(&out)]].concat());
+        assert_eq!(run.code, 0, "{run:?}");
+        run.stderr
+            .contains(&format!("{name}: not of this conversion"))
+    };
+    assert!(!is_named("out-00002.obj", &models, "out.obj"));
+    assert!(!is_named("out-00002.obj", &models, "out.obj"));
+    assert!(is_named("out-00002.obj", &models[..2], "out.obj"));
+    std::fs::write(at("out-2.npz"), "").unwrap();
+    assert!(is_named("out-2.npz", &models, "out.npz"));
+}
+
 #[test]
 fn a_recording_keeps_the_frames_of_models() {
     let folder = TempDir::new().unwrap();

@@ -532,6 +532,10 @@ def test_a_collection_of_paraview_has_times(tmp_path):
     text = f'<VTKFile type="Collection"><Collection>{sets}</Collection></VTKFile>'
     frames = linkwatch.read(written(tmp_path, "run.pvd", text))
     assert [frame.time for frame in frames] == [0.5, 2.5]
+    # Regression test: a compressed collection did not find its files.
+    packed = tmp_path / "packed.pvd.gz"
+    packed.write_bytes(gzip.compress(text.encode()))
+    assert [frame.time for frame in linkwatch.read(packed)] == [0.5, 2.5]
 
 
 def test_parts_and_blocks_of_paraview_are_read_together(tmp_path):

@@ -43,6 +43,20 @@ fn a_long_line_is_one_curve() {
     );
 }
 
+/// The ring was two open curves.
+#[test]
+fn the_edge_from_the_end_of_a_long_line_to_its_start_closes_it() {
+    expect(
+        "l 1 2 3\nl 3 1\nl 4 5 6\n",
+        &[(true, &[1, 2, 3]), (false, &[4, 5, 6])],
+    );
+    // An edge after another long line does not.
+    expect(
+        "l 1 2 3\nl 4 5 6\nl 3 1\n",
+        &[(false, &[1, 2, 3]), (false, &[4, 5, 6]), (false, &[3, 1])],
+    );
+}
+
 #[test]
 fn a_backslash_continues_a_long_line() {
     expect("l 1 2 \\\n  3 4\\\r\n 1", &[(true, &[1, 2, 3, 4])]);

@@ -113,12 +113,17 @@ COMPRESSED: dict[str, Callable[..., Any]] = {
 }
 
 
+# Suffixes of files that refer to others.
+REFERRING = ".pvd .pvtp .pvtu .vtm .xdmf .usd .usda".split()
+
+
 def unpacked(paths: Sequence[Path], folder: Path) -> list[Path]:
     """Returns files, with the contents of the compressed ones in a folder. Files whose names differ
-    in suffixes only, such as a topology, are then beside them as well."""
+    in suffixes only, such as a topology, or that they may refer to, are then beside them."""
     found = [_unpacked(path, folder) for path in paths]
     for path, plain in zip(paths, found):
-        others = [] if path == plain else path.parent.glob(f"{glob.escape(plain.stem)}.*")
+        near = "*" if plain.suffix.lower() in REFERRING else f"{glob.escape(plain.stem)}.*"
+        others = [] if path == plain else path.parent.glob(near)
         for other in others:
             beside = plain.parent / other.name
             if other.suffix.lower() not in COMPRESSED and not os.path.lexists(beside):

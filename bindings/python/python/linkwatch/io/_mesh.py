@@ -410,12 +410,15 @@ class _Xml:
             if form == "ascii":
                 return np.array(text.split(), float if kind[0] == "f" else np.int64)
             if form == "appended":
-                data = self.appended[int(element.get("offset", 0)) :]
+                offset = int(element.get("offset", 0))
+                if offset < 0:
+                    raise ValueError(f"offset {offset}")
+                data = self.appended[offset:]
                 found = self._decoded(data, self.raw)
             else:
                 found = self._decoded("".join(text.split()).encode(), False)
             return np.frombuffer(found, self.order + kind).astype(kind)
-        except (ValueError, RuntimeError, zlib.error, lzma.LZMAError) as why:
+        except (ValueError, OverflowError, RuntimeError, zlib.error, lzma.LZMAError) as why:
             raise self.error(f"{name}: {why}") from None
 
     def _decoded(self, data: bytes, raw: bool) -> bytes:
@@ -423,7 +426,8 @@ class _Xml:
         width = self.header.itemsize
 
         def take(start: int, number: int) -> bytes:
-            """Returns bytes from a place on: of base64, one from which an encoding begins."""
+            """Returns bytes from a position on. In base64, it is that of a character at which an
+            encoded part begins."""
             if raw:
                 part = data[start : start + number]
             else:

@@ -111,6 +111,8 @@ def read_obj(path: Path) -> Scene:
     scene, lines = Scene(), Lines(path, "#")
     vertices: list[list[float]] = []
     edges: list[list[int]] = []
+    # The last polyline, which an edge may close.
+    line: list[int] = []
     curves: list[tuple[int, list[int], list[str], list[str]]] = []
     kind, degree, knots = [""], "", list[str]()
     for lines.number, (name, *words) in _statements(lines):
@@ -130,8 +132,12 @@ def read_obj(path: Path) -> Scene:
             numbers = [k - 1 if k > 0 else len(vertices) + k for k in numbers]
             knots = []
             if name == "l" and len(numbers) == 2:
-                edges.append(numbers)
+                if numbers == line[-1:] + line[:1]:
+                    line.append(numbers[1])
+                else:
+                    edges.append(numbers)
             else:
+                line = numbers if name == "l" else line
                 spline = [degree, *kind, *words[:2]] if name == "curv" else []
                 curves.append((lines.number, numbers, spline, knots))
         elif name == "parm" and words[:1] == ["u"]:

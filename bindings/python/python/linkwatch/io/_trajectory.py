@@ -344,7 +344,8 @@ def _edges(group: Any) -> Any:
 
 
 def _link(given: Any, made: Any, leave: Sequence[str]) -> None:
-    """Links all members of a group of HDF5, except some, and copies the attributes."""
+    """Links the members of a group of HDF5, except some, in another file, which saves a copy of the
+    data. Copies the attributes."""
     h5py = library("h5py", "mdanalysis")
     made.attrs.update(given.attrs)
     for name in given:
