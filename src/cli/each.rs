@@ -52,7 +52,7 @@ pub struct EachArgs {
     pub only: Option<PathBuf>,
 }
 
-/// The line of a run.
+/// A line of the output: the result of one run.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Line {
     file: String,
@@ -65,18 +65,18 @@ struct Line {
     /// Warnings of the process.
     warnings: Vec<String>,
     summary: Option<Value>,
-    /// Changes with the options, and with the size and the time of change of the files that the run
-    /// reads.
+    /// Hash of the options, and of the sizes and the times of change of the files that the run
+    /// reads. `--resume` skips a run whose key is the same.
     key: String,
 }
 
-/// Formats of files that refer to others, which are not known here.
+/// Formats whose files refer to other files. Which ones is not known here.
 const REFERRING: [&str; 11] = [
     "pvd", "pvtp", "pvtu", "vtm", "xdmf", "usd", "usda", "usdc", "usdz", "top", "itp",
 ];
 
-/// Returns the [`Line::key`] of a run that reads these files, the model first. That of a model
-/// which refers to other files is new in every call.
+/// Returns the [`Line::key`] of a run that reads these files, the model first. If the model refers
+/// to other files, every call returns another key, because those files are not checked.
 fn key(files: &[PathBuf], options: &str) -> String {
     let mut hasher = DefaultHasher::new();
     options.hash(&mut hasher);

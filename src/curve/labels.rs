@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 
 /// Maximum number of bytes of a name.
-const NAME_BYTES: usize = 255;
+const MAX_NAME_BYTES: usize = 255;
 
 /// Names and radii of the curves of a frame. Both are optional.
 ///
-/// A simulator that adds or removes curves names them: curves of different frames are the same one
-/// if they have the same name. A name belongs to one curve for the whole session; do not use it for
-/// another curve later.
+/// A simulator that adds or removes curves names them: curves of different frames are the same
+/// curve if they have the same name. A name belongs to one curve for the whole session; do not use
+/// it for another curve later.
 ///
 /// ```
 /// use linkwatch::CurveLabels;
@@ -68,7 +68,7 @@ impl CurveLabels {
         let bad = |i: usize, what: String| Err(Error::format("curve", format_args!("{i}"), what));
         let mut seen = HashMap::with_capacity(self.names.len());
         for (i, name) in self.names.iter().enumerate() {
-            if name.is_empty() || name.len() > NAME_BYTES || name.contains(char::is_control) {
+            if name.is_empty() || name.len() > MAX_NAME_BYTES || name.contains(char::is_control) {
                 let what = "expected 1 to 255 bytes without control characters";
                 return bad(i, format!("name {name:?}, {what}"));
             }

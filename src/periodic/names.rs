@@ -309,8 +309,7 @@ impl Gauge<'_> {
                     vectors.push((pivot, motion));
                     continue;
                 }
-                let times = value[x].div_euclid(pivot[x].abs());
-                let times = times.wrapping_mul(pivot[x].signum());
+                let times = value[x].div_euclid(pivot[x]);
                 value = per_axis(|y| value[y].wrapping_sub(times.wrapping_mul(pivot[y])));
                 add(&mut self.made, &motion, -times);
                 break;
@@ -323,7 +322,8 @@ impl Gauge<'_> {
     }
 }
 
-/// Returns the vector with the smallest component along an axis that is not 0.
+/// Returns the index of the vector with the smallest absolute component along an axis, of those
+/// that are not 0 there.
 fn smallest(vectors: &[([i64; 3], Motion)], x: usize) -> Option<usize> {
     let all = vectors.iter().enumerate().filter(|(_, v)| v.0[x] != 0);
     all.min_by_key(|(_, v)| v.0[x].abs()).map(|(k, _)| k)

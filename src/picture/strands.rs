@@ -255,7 +255,7 @@ pub(super) fn clip(
     let curve = set.curve(i);
     let first = out.len();
     // True if the last strand ends where the next edge starts.
-    let mut open = false;
+    let mut continues = false;
     for s in 0..curve.segments {
         let hull = set.segment(i, s as usize).map(|p| window.local(p));
         let apart = |x: usize| {
@@ -264,7 +264,7 @@ pub(super) fn clip(
         };
         let finite = hull.as_flattened().iter().all(|x| x.is_finite());
         if !finite || (0..3).any(apart) {
-            open = false;
+            continues = false;
             continue;
         }
         let part = part(s);
@@ -278,13 +278,13 @@ pub(super) fn clip(
             };
             let (a, b) = (at(k), at(k + 1));
             let Some([from, to]) = within(a, b, radius) else {
-                open = false;
+                continues = false;
                 continue;
             };
             let p = if from > 0.0 { mix(a, b, from) } else { a };
             let q = if to < 1.0 { mix(a, b, to) } else { b };
             match out.last_mut() {
-                Some(last) if open && from == 0.0 && last.part == part => last.points.push(q),
+                Some(last) if continues && from == 0.0 && last.part == part => last.points.push(q),
                 _ => out.push(Strand {
                     curve: i as u32,
                     part,
@@ -292,11 +292,11 @@ pub(super) fn clip(
                     points: vec![p, q],
                 }),
             }
-            open = to == 1.0;
+            continues = to == 1.0;
         }
     }
-    // If a closed curve passes its start within the ball, joins the last strand to the first one.
-    if !(open && curve.closed && out.len() > first) {
+    // If a closed curve is within the ball at its start, the last strand and the first one are one.
+    if !(continues && curve.closed && out.len() > first) {
         return;
     }
     let end = out[out.len() - 1].points.last().copied();

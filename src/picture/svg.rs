@@ -29,14 +29,14 @@ pub(crate) fn round_below(x: f64) -> f64 {
     steps.find(|&s| s <= x * (1.0 + 1e-9)).unwrap_or(power)
 }
 
-/// Returns about `n` round numbers from 0 to `max`.
+/// Returns about `n` round numbers from 0 to `max`, at most 101.
 pub(crate) fn ticks(max: f64, n: usize) -> Vec<f64> {
     if !(max > 0.0 && max.is_finite()) {
         return vec![0.0];
     }
     let step = round_below(max / n as f64).max(f64::MIN_POSITIVE);
-    let is_fine = max / step > 2.0 * n as f64;
-    let step = if is_fine { 2.0 * step } else { step };
+    let are_too_many = max / step > 2.0 * n as f64;
+    let step = if are_too_many { 2.0 * step } else { step };
     let last = (max / step * (1.0 + 1e-9)).floor().min(100.0) as usize;
     (0..=last).map(|k| k as f64 * step).collect()
 }

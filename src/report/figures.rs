@@ -154,11 +154,12 @@ impl Held {
     }
 }
 
-/// Curves of a frame, a place in them, and the radii of the curves, or none.
+/// Input of a picture: the curves of a frame, the place to show, and the radii of the curves (empty
+/// if they are unknown).
 type Drawn = (Arc<CurveSet>, Spot, Vec<f32>);
 
-/// Draws the pictures of the worst violations, and of the lowest clearance if it is too low and no
-/// violation shows it, from a second pass over the recording.
+/// Draws the pictures of the worst violations, and that of the lowest clearance if it is too low
+/// and no violation shows it, from a second pass over the recording. Returns both.
 pub(super) fn draw<R: Read + Seek>(
     mut reader: RecordingReader<R>,
     facts: &Facts,
@@ -170,31 +171,31 @@ pub(super) fn draw<R: Read + Seek>(
     });
     let mut shots: Vec<(String, Shot)> = chosen.collect();
     let violations = shots.len();
-    let is_low = |(_, s): &(String, Shot), low: &Shot| {
+    let is_same_place = |(_, s): &(String, Shot), low: &Shot| {
         (s.moment, s.spot.curves, s.spot.image) == (low.moment, low.spot.curves, low.spot.image)
     };
     if let Some((_, low)) = &facts.low
-        && !shots.iter().any(|shot| is_low(shot, low))
+        && !shots.iter().any(|shot| is_same_place(shot, low))
     {
         let frames = plural(facts.clearances[1], "frame");
         let reason = format!(
-            "The clearance is below the limit in {frames}: the lowest one of those whose curves \
-             are recorded."
+            "The clearance is below the limit in {frames}. This is the lowest one among the frames \
+             whose curves are recorded."
         );
         shots.push((reason, low.clone()));
     }
-    let mut orders: Vec<(usize, (String, Shot))> = shots.into_iter().enumerate().collect();
-    orders.sort_by_key(|(_, (_, shot))| std::cmp::Reverse(shot.ordinal));
+    let mut pending: Vec<(usize, (String, Shot))> = shots.into_iter().enumerate().collect();
+    pending.sort_by_key(|(_, (_, shot))| std::cmp::Reverse(shot.ordinal));
     let mut figures = Vec::new();
     let mut held: VecDeque<Held> = VecDeque::new();
     let mut ordinal = 0;
     let at = |(_, (_, shot)): &(usize, (String, Shot))| shot.ordinal.unwrap_or(0);
-    while !orders.is_empty() {
-        // The first pass has reported damage.
+    while !pending.is_empty() {
+        // Ignores errors, because the first pass has reported them.
         let item = reader.next_item().unwrap_or(None);
         let ended = item.is_none();
         if let Some(RecordedItem::Frame(frame)) = item {
-            if orders.iter().any(|order| at(order).abs_diff(ordinal) <= 1) {
+            if pending.iter().any(|order| at(order).abs_diff(ordinal) <= 1) {
                 held.extend(Held::of(ordinal, &frame));
                 if held.len() > 3 {
                     held.pop_front();
@@ -203,7 +204,7 @@ pub(super) fn draw<R: Read + Seek>(
             ordinal += 1;
         }
         // A picture is drawn once its next frame is there.
-        while let Some(order) = orders.pop_if(|order| ended || ordinal > at(order) + 1) {
+        while let Some(order) = pending.pop_if(|order| ended || ordinal > at(order) + 1) {
             let at = at(&order);
             let find = |ordinal: Option<u64>| held.iter().find(|h| Some(h.ordinal) == ordinal);
             let frames = [at.checked_sub(1), Some(at), at.checked_add(1)].map(find);

@@ -74,12 +74,13 @@ impl BraidScene {
         Ok((set, broken))
     }
 
-    /// Returns the curves of the frame before the last one and of the last one, as they are given.
+    /// Returns the given curves, without loops, of the previous and the current frame.
     pub fn step(&self) -> [&CurveSet; 2] {
         [&self.given[1], &self.given[0]]
     }
 
-    /// Returns the braids, with all values that were derived from the first frame, and this frame.
+    /// Returns the braids, with all values that were derived from the first frame, and the first
+    /// frame itself.
     pub fn braids(&self) -> (Braids, &Arc<CurveSet>) {
         (self.closed.loops.braids(), &self.closed.first)
     }
@@ -95,16 +96,16 @@ impl BraidScene {
     /// Returns the expected linking numbers of the curves and the loops. In `all`, a loop has the
     /// index of its first curve.
     pub fn expected(&self, all: &Certificate) -> Certificate {
-        let own = 0..self.closed.first.len() as u32;
-        let own = own.map(|i| Some(i).filter(|&i| self.closed.loops.number(i).is_none()));
+        let curves = 0..self.closed.first.len() as u32;
+        let unbraided = curves.map(|i| Some(i).filter(|&i| self.closed.loops.number(i).is_none()));
         let loops = self.pairs().loops.iter().map(|pair| Some(pair[0]));
-        all.with_curves(&own.chain(loops).collect::<Vec<_>>())
+        all.with_curves(&unbraided.chain(loops).collect::<Vec<_>>())
     }
 
     /// Returns the expected linking numbers as in reports: a loop has the index of its first curve.
     pub fn joined(&self, all: &Certificate) -> Certificate {
-        let own = 0..self.closed.first.len() as u32;
-        let number = own.map(|i| Some(self.closed.loops.number(i).unwrap_or(i)));
+        let unbraided = 0..self.closed.first.len() as u32;
+        let number = unbraided.map(|i| Some(self.closed.loops.number(i).unwrap_or(i)));
         all.with_curves(&number.collect::<Vec<_>>())
     }
 

@@ -186,16 +186,16 @@ pub struct Stats {
     /// Number of pairs of curves with overlapping boxes (potential links). All other pairs are
     /// unlinked.
     pub potential_links: u64,
-    /// Number of potential links with linking number 0, proven before any test: by a plane
-    /// orthogonal to a diagonal that separates the curves, or by a direction in which their
-    /// projections do not overlap.
+    /// Number of potential links with linking number 0, proven before any test of segments: a plane
+    /// orthogonal to a diagonal of the axes separates the curves, or their projections along some
+    /// direction do not overlap.
     pub separated: u64,
     /// Number of segment pairs tested for a crossing.
     pub tests: u64,
     /// Number of counted crossings.
     pub crossings: u64,
-    /// Number of pairs of spline segments with boxes that overlap in space, which the
-    /// discretization tested.
+    /// Number of pairs of spline segments that the discretization tested, because their boxes
+    /// overlap in space.
     pub overlaps: u64,
     /// Number of points that the discretization added.
     pub refined: u64,

@@ -343,7 +343,7 @@ impl Sink for ViewerSink {
                 log_static(&self.rec, entity::CURVES, &larger)?;
                 self.scale = Some(scale);
             }
-            let all = std::mem::take(&mut self.redraws);
+            let redraws = std::mem::take(&mut self.redraws);
             let rec = &self.rec;
             let drawing = Drawing { rec, set, record };
             let scale = self.scale.unwrap_or(1.0);
@@ -355,12 +355,14 @@ impl Sink for ViewerSink {
                 && let Some(moments) = Moments::of(&drawing, self.curves.shown.clone())
             {
                 self.moment_views = moments.draw(&drawing, None, scale)?;
-                // Empty until the next frame, because a live viewer gets its layout once.
-                let after = self.moment_views.as_mut().map(|views| &mut views.names[2]);
-                after.map(|name| name.replace("after".into()));
+                // A live viewer gets its layout only once, so it gets the view "after" now, which
+                // stays empty until the next frame.
+                if let Some(views) = &mut self.moment_views {
+                    views.names[2] = Some("after".into());
+                }
                 self.moments = Some(moments);
             }
-            self.curves.draw(&drawing, all)?;
+            self.curves.draw(&drawing, redraws)?;
             tubes::draw(&drawing)?;
             self.cell.draw(&drawing)?;
             picture::draw_places(&drawing)?;

@@ -227,6 +227,7 @@ mod tests {
             );
         }
         let text = suite.xml(true);
+        // The run is a test as well. The counts are there for all suites and for the one.
         let counts = "tests=\"5\" failures=\"0\" errors=\"1\" skipped=\"2\"";
         assert_eq!(text.matches(counts).count(), 2, "{text}");
         let skipped = "<skipped message=\"frame 1: changed; rolled back or accepted by";

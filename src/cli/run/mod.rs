@@ -423,7 +423,7 @@ impl Run {
             }
             let summary = queue.finish(FINISH.saturating_sub(start.elapsed()));
             let (name, all) = (summary.name, summary.written + summary.dropped);
-            let all = plural(all, "frame");
+            let frames = plural(all, "frame");
             match &summary.failed {
                 // The sink logged the reason when it failed. Its note says which part of the output
                 // exists.
@@ -432,11 +432,13 @@ impl Run {
                 }
                 Some(_) => {
                     let written = count(summary.written);
-                    tracing::error!("{name} is incomplete: it has at least {written} of {all}");
+                    tracing::error!("{name} is incomplete: it has at least {written} of {frames}");
                 }
                 None if summary.dropped > 0 => {
                     let missed = count(summary.dropped);
-                    kept.push(format!("{name} missed {missed} of {all}: it is too slow"));
+                    kept.push(format!(
+                        "{name} missed {missed} of {frames}: it is too slow"
+                    ));
                 }
                 None => {}
             }
@@ -470,7 +472,7 @@ impl Run {
             && (options.invariants.contains(&curve) || baseline.is_some_and(compares));
         // The process that verified the earlier frames reported on their curves.
         let own = tally.since(self.before).verified;
-        let unsearched = self.sum.unverified_curves();
+        let unsearched = self.sum.has_unverified_curves();
         let alone = tally.verified == 1 && self.sum.only_open;
         let itself = options.events == Events::All && tally.verified > 1;
         let compared = own > 0 && (tally.verified > 1 || baseline.is_some());

@@ -71,13 +71,13 @@ pub struct Summary {
     /// Number of followed steps and of cuts, summed over all runs ([`Steps`]).
     pub followed: u64,
     pub cuts: u64,
-    /// Number of open curves in runs without a search for pull-throughs, and in runs with a search
-    /// but without any step.
+    /// Number of open curves in runs without a search for pull-throughs.
     pub unsearched: u64,
+    /// Number of open curves in runs with a search, but without any searched step.
     pub unfollowed: u64,
-    /// True if a run had curves that run through the cell and have no linking number; true if no
-    /// step of such a run was searched.
+    /// True if a run had curves that run through the cell, which have no linking number.
     pub through: bool,
+    /// True if no step of such a run was searched.
     pub unsearched_through: bool,
     /// Number of runs without a search for pull-throughs.
     pub unsearched_runs: u64,
@@ -89,7 +89,7 @@ pub struct Summary {
 
 impl Summary {
     /// Returns true if curves have no linking number, and were not searched for pull-throughs.
-    pub fn unverified_curves(&self) -> bool {
+    pub fn has_unverified_curves(&self) -> bool {
         let has_curves = self.open_curves > Some(0) || self.through;
         let unsearched = self.unsearched + self.unfollowed > 0 || self.unsearched_through;
         unsearched || has_curves && self.gaps > 0
@@ -135,7 +135,8 @@ impl Run {
         let checked = sum.unsearched_runs == 0;
         let (runs, yarns) = (1 + sum.further_runs, self.yarns());
         // True if steps were searched, and no curve remained unverified.
-        let followed = sum.followed > 0 && sum.unsearched_runs < runs && !sum.unverified_curves();
+        let followed =
+            sum.followed > 0 && sum.unsearched_runs < runs && !sum.has_unverified_curves();
         if self.setup.json {
             self.live.json(json!({
                 "summary": {
@@ -275,7 +276,8 @@ impl Run {
     }
 }
 
-/// Returns a restriction of the verdict if frames were skipped, which might contradict it.
+/// Returns a qualifier of the verdict if frames were skipped that could contradict it. None can
+/// contradict "changed".
 fn so_far(word: &str, tally: Counters) -> &'static str {
     match (word, tally) {
         ("changed", _) | (_, Counters { verified: 0, .. } | Counters { skipped: 0, .. }) => "",

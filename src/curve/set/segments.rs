@@ -221,10 +221,10 @@ impl CurveSet {
         CurveSet::from_counts(self.basis, &counts, Positions::F64(points.as_flattened()))
     }
 
-    /// Returns true if curve `i` has at least three distinct control points. A loop with fewer
-    /// bounds no area.
+    /// Returns true if curve `i` has at least three distinct control points. With fewer, a loop
+    /// encloses no area.
     pub fn has_three_distinct_points(&self, i: usize) -> bool {
-        // Rounding may have made points equal.
+        // Coordinates may be equal because they were rounded. The exact sums decide then.
         let given = || Some(self.sums.as_ref()?.given(i));
         are_three_distinct(self.points_in(i))
             || given().is_some_and(|(set, i)| set.has_three_distinct_points(i))

@@ -3,17 +3,17 @@
 //!
 //! # Proof
 //!
-//! On straight lines, the step to the fraction `f` is the start of the whole step, so it has the
-//! passages before `f` and no others. But its last frame is rounded, and the pieces of splines
-//! depend on it. Therefore the result is proven as a step of its own, from the first frame to the
-//! rounded frame at `f`, for all pairs.
+//! If points move on straight lines, the step to the fraction `f` is the first part of the whole
+//! step: it has the passages before `f` and no others. But its last frame is rounded, and the
+//! pieces of splines depend on it. Therefore the result is proven as a step of its own, from the
+//! first frame to the rounded frame at `f`, for all pairs.
 //!
 //! # Search
 //!
-//! Only the pairs with findings are searched, until the proof. The first passage of polylines is
-//! known well enough for a guess. That of splines is a passage of their straight pieces. The pieces
-//! are shorter where the curves are near in one of the frames, so its moment depends on the last
-//! frame, and bisection finds it.
+//! The search considers only the pairs with findings; the proof considers all. The moment of the
+//! first passage of polylines is known well enough for a guess. Splines are split into straight
+//! pieces, which are shorter if the curves are near in one of the frames. So the moment of their
+//! first passage depends on the last frame, and bisection finds it.
 
 use super::{Contacts, Coverage, Ledger, Outcome};
 use crate::curve::{CurveSet, Precision};
@@ -22,17 +22,17 @@ use crate::verdict::DefectKind;
 
 /// Half-width of the interval around the first known passage that is tried first. It exceeds the
 /// error bound of proven times, `1e-9`.
-const GUESS: f64 = 2e-9;
+const GUESS_HALF_WIDTH: f64 = 2e-9;
 
 /// The search ends if a safe fraction and one that is not safe differ by at most this.
 const ACCURACY: f64 = 2e-7;
 
 /// Maximum number of searches of all pairs.
-const PROOFS: u32 = 4;
+const MAX_PROOFS: u32 = 4;
 
-/// Number of outcomes with pairs that are too close after which the search ends, because each of
-/// them may take very long.
-const TOO_CLOSE: u32 = 4;
+/// Maximum number of trial steps with pairs that are too close. The search ends then, because each
+/// of them may take very long.
+const MAX_TOO_CLOSE: u32 = 4;
 
 impl Outcome {
     /// Returns the pairs that make the step unsafe: they passed through each other, are undecided,
@@ -87,7 +87,7 @@ impl Ledger {
         let mut too_close = u32::from(outcome.is_too_close());
         let mut at = None;
         let mut findings = |fraction: f64, pairs: Option<&[Pair]>| -> Option<Vec<Pair>> {
-            if self.cancel.is_set() || too_close >= TOO_CLOSE {
+            if self.cancel.is_set() || too_close >= MAX_TOO_CLOSE {
                 return None;
             }
             before.toward(after, fraction, &mut at).ok()?;
@@ -97,8 +97,8 @@ impl Ledger {
         };
         let passage = outcome.first_passage();
         let mut beyond = 1.0;
-        for _ in 0..PROOFS {
-            let guesses = [passage - GUESS, passage + GUESS];
+        for _ in 0..MAX_PROOFS {
+            let guesses = [passage - GUESS_HALF_WIDTH, passage + GUESS_HALF_WIDTH];
             let is_safe = |f| findings(f, Some(&pairs)).map(|found| found.is_empty());
             let fraction = last_safe(beyond, &guesses, before.precision(), is_safe);
             if fraction == 0.0 {

@@ -83,8 +83,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 const PARAMETERS: Buffer = Buffer("parameters", "all");
 /// Vertices of the current frame and of the next one.
 const VERTICES: [Buffer; 2] = [Buffer("vertices", "one"), Buffer("vertices", "other")];
-/// Maximum number of segment pairs in one submission: a fraction of a second, on a slow adapter and
-/// on a software adapter.
+/// Maximum number of segment pairs in one submission, on a GPU and on a software adapter: a
+/// fraction of a second even on a slow one.
 const MAX_WORK: [u64; 2] = [1 << 31, 1 << 28];
 
 /// True if the build has GPU kernels.

@@ -298,7 +298,7 @@ impl Edges {
         moved
     }
 
-    /// Returns the translation of an image, and a bound of the rounding errors of translated edges.
+    /// Returns the translation of an image, and a bound on the rounding errors of translated edges.
     pub fn shift(&self, image: Image) -> (Point, f64) {
         match &self.lattice {
             Some(lattice) if !is_home(&image) => {
@@ -313,7 +313,8 @@ impl Edges {
     pub fn strut(&self, found: &Found) -> Strut {
         let backward = found.image.map(|n| -n);
         let edges = found.pair.map(|k| self.get(k));
-        // If both parts are of one curve, the second one has the positive translation.
+        // If both edges are of one curve, the translation of the second one is positive in
+        // lexicographic order.
         let (edges, at, image) = match edges[0].curve == edges[1].curve && backward > found.image {
             true => ([edges[1], edges[0]], [found.at[1], found.at[0]], backward),
             false => (edges, found.at, found.image),
@@ -331,8 +332,8 @@ impl Edges {
         };
         let ends = [end(0, Image::default()), end(1, image)];
         let length = match found.distance_sq.sqrt() {
-            // An infinite length means that the approach could not be resolved. The distance of the
-            // two points is used then.
+            // An infinite length means that the approach could not be resolved. Then the distance
+            // of the two points is used.
             f64::INFINITY => distance(ends[0].point, ends[1].point),
             length => self.scale.undo(length),
         };

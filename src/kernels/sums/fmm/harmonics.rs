@@ -106,15 +106,15 @@ pub(super) fn regular<const L: usize>(order: usize, x: &[Lanes<L>; 3], out: &mut
     }
 }
 
-/// Returns `v . grad` of degree `n` and order `k >= 0` of a function, given its coefficients of
-/// degree `n - 1`.
+/// Returns the coefficient of degree `n` and order `k >= 0` of `v . grad` of a function with the
+/// coefficients `a`. Reads those of degree `n - 1`.
 #[inline(always)]
 fn along<const L: usize>(v: &[Lanes<L>; 3], a: &[Lanes<L>], n: usize, k: usize) -> Complex<L> {
     let k = k as isize;
     let [zr, zi] = get(a, n - 1, k);
     let [ur, ui] = get(a, n - 1, k + 1);
     let [wr, wi] = get(a, n - 1, k - 1);
-    // v_z R^k + (v_x - i v_y) / 2 R^(k + 1) - (v_x + i v_y) / 2 R^(k - 1)
+    // v_z a_k + (v_x - i v_y) / 2 a_(k + 1) - (v_x + i v_y) / 2 a_(k - 1)
     [
         map(|l| v[2][l] * zr[l] + 0.5 * (v[0][l] * (ur[l] - wr[l]) + v[1][l] * (ui[l] + wi[l]))),
         map(|l| v[2][l] * zi[l] + 0.5 * (v[0][l] * (ui[l] - wi[l]) - v[1][l] * (ur[l] + wr[l]))),
