@@ -11,7 +11,7 @@
 //! garments.
 
 use super::MAX_LEVEL;
-use super::halving::{Halving, sort_splits, vertices};
+use super::halving::{Halving, Subdivided, sort_splits, vertices};
 use super::hulls::{separation_margin, tight_bounds};
 use crate::curve::{Basis, Bezier, CurveSet, Point, Positions, Precision, boxes_apart};
 use crate::error::Result;
@@ -96,8 +96,13 @@ fn refine(
     let whole = |i: usize, s: u32| tight_bounds(&set.segment(i, s as usize));
     meeting.retain(|&(s, t)| !apart(&whole(curves[0], s), &whole(curves[1], t)));
     let volume = |[piece]: &[Bezier; 1], _| tight_bounds(piece);
-    let limits = (MAX_LEVEL, None);
-    let outcome = halving.halve(([set], curves), &meeting, limits, volume, apart);
+    let subdivided = Subdivided {
+        frames: [set],
+        curves,
+        most_rounds: MAX_LEVEL,
+        most_overlaps: None,
+    };
+    let outcome = halving.halve(subdivided, &meeting, volume, apart);
     // Splits of a pair that stays too close prove nothing, and there may be millions of them.
     let splits = match outcome {
         Ok(()) => halving.splits.each_ref().map(|s| s.at.clone()),

@@ -98,6 +98,20 @@ struct Overlap {
 /// segments that run along one another have more, and each halving would double their number.
 pub(super) const GRAZING: usize = 64;
 
+/// Two curves whose segments are halved, and when that ends.
+pub(super) struct Subdivided<'a, const N: usize> {
+    /// The curves, at one time or at several times.
+    pub frames: [&'a CurveSet; N],
+    /// Their indices.
+    pub curves: [usize; 2],
+    /// Maximum number of rounds.
+    pub most_rounds: u32,
+    /// Maximum number of overlapping pieces. If it is `None`, it is [`MAX_FRONT`], and the result
+    /// is a proof. Otherwise, two segments with more than [`GRAZING`] overlapping pieces are not
+    /// halved further.
+    pub most_overlaps: Option<usize>,
+}
+
 /// Buffers and result of the subdivision.
 #[derive(Debug, Default)]
 pub(crate) struct Halving {
@@ -116,18 +130,19 @@ impl Halving {
     /// `meeting` lists all segment pairs with overlapping volumes, sorted. `volume` returns a
     /// convex set that contains a piece, given the piece in all frames and its ends along the
     /// curve. `apart` returns true if two volumes are apart by more than rounding errors.
-    ///
-    /// The limits are the numbers of rounds and of overlapping pieces. If the latter is `None`, it
-    /// is [`MAX_FRONT`], and `Ok` is a proof. Otherwise, two segments with more than [`GRAZING`]
-    /// overlapping pieces are not halved further.
     pub(super) fn halve<V, const N: usize>(
         &mut self,
-        (frames, curves): ([&CurveSet; N], [usize; 2]),
+        subdivided: Subdivided<'_, N>,
         meeting: &[(u32, u32)],
-        (most_rounds, most_overlaps): (u32, Option<usize>),
         volume: impl Fn(&[Bezier; N], [f64; 2]) -> V,
         apart: impl Fn(&V, &V) -> bool,
     ) -> Result<(), [u32; 2]> {
+        let Subdivided {
+            frames,
+            curves,
+            most_rounds,
+            most_overlaps,
+        } = subdivided;
         let Halving {
             splits,
             rounds,

@@ -1,7 +1,7 @@
 //! Discretization of one pair of curves, only near each other.
 
 use super::MAX_LEVEL;
-use super::halving::{GRAZING, Halving};
+use super::halving::{GRAZING, Halving, Subdivided};
 use super::hulls::{Hull, separation_margin};
 use crate::curve::{Bezier, CurveSet, Hulls, Parts};
 use std::ops::Range;
@@ -79,13 +79,13 @@ impl Separation<'_> {
     pub fn refine(&self, close: &[(u32, u32)], halving: &mut Halving) -> Result<(), [u32; 2]> {
         let volume = |[piece]: &[Bezier; 1], _| Hull::of_piece(piece);
         let apart = |a: &Hull, b: &Hull| a.separated(b, self.margin);
-        halving.halve(
-            (self.sets, self.curves),
-            close,
-            (MAX_LEVEL, None),
-            volume,
-            apart,
-        )
+        let subdivided = Subdivided {
+            frames: self.sets,
+            curves: self.curves,
+            most_rounds: MAX_LEVEL,
+            most_overlaps: None,
+        };
+        halving.halve(subdivided, close, volume, apart)
     }
 }
 
@@ -117,8 +117,13 @@ impl MovingSeparation<'_> {
             }
             Hull::separated_throughout([[&p[0], &q[0]], [&p[1], &q[1]]], self.margin)
         };
-        let limits = (rounds, Some(MAX_MOVING[0] + MAX_MOVING[1] * near.len()));
-        let apart = halving.halve((self.sets, self.curves), near, limits, volume, apart);
+        let subdivided = Subdivided {
+            frames: self.sets,
+            curves: self.curves,
+            most_rounds: rounds,
+            most_overlaps: Some(MAX_MOVING[0] + MAX_MOVING[1] * near.len()),
+        };
+        let apart = halving.halve(subdivided, near, volume, apart);
         apart.is_ok() || halving.rounds >= FEWEST_ROUNDS
     }
 

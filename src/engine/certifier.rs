@@ -41,7 +41,7 @@ impl Certifier {
         options.check()?;
         let gpu = GpuUse::open(&options.device, options.calibration.as_ref())?;
         Ok(Certifier {
-            full: FullRun::new((options.kernel, options.accuracy), gpu),
+            full: FullRun::new(options.kernel, options.accuracy, gpu),
         })
     }
 
@@ -49,7 +49,7 @@ impl Certifier {
     #[cfg(all(feature = "gpu", test))]
     pub(crate) fn with_gpu(options: &SessionOptions, gpu: GpuUse) -> Certifier {
         Certifier {
-            full: FullRun::new((options.kernel, options.accuracy), gpu),
+            full: FullRun::new(options.kernel, options.accuracy, gpu),
         }
     }
 
@@ -82,7 +82,7 @@ impl Certifier {
     /// [`Error::Usage`] for splines, if `noise` is not a length, or if the options have a
     /// kernel other than [`Method::Auto`].
     pub fn certify_noisy(&mut self, set: &CurveSet, noise: f64) -> Result<(&Certificate, Stats)> {
-        let (method, _) = self.full.kernel;
+        let method = self.full.method;
         if method != Method::Auto {
             let what = format!("noise excludes the kernel {method}: it has a kernel of its own");
             return Err(Error::Usage(what));

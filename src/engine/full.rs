@@ -33,8 +33,9 @@ pub(super) struct FullRun {
     parts: Vec<Counted>,
     /// Boxes of the previous frame, to find the curves that moved furthest.
     before: Vec<Box3>,
-    /// Method and accuracy of sums.
-    pub kernel: (Method, Accuracy),
+    /// Kernel that is tried first. Crossings are counted for pairs that it does not decide.
+    pub method: Method,
+    accuracy: Accuracy,
     /// GPU that runs kernels, if one is used.
     pub gpu: GpuUse,
     /// Certificate of the last frame.
@@ -63,11 +64,11 @@ impl Counting {
 }
 
 impl FullRun {
-    /// Creates the state. `kernel` is tried first; crossings are counted for pairs that it does not
-    /// decide.
-    pub fn new(kernel: (Method, Accuracy), gpu: GpuUse) -> Self {
+    /// Creates the state.
+    pub fn new(method: Method, accuracy: Accuracy, gpu: GpuUse) -> Self {
         let mut full = FullRun {
-            kernel,
+            method,
+            accuracy,
             gpu,
             ..FullRun::default()
         };
@@ -84,12 +85,12 @@ impl FullRun {
     /// Computes the certificate of a frame.
     pub fn certify(&mut self, set: &CurveSet) -> Stats {
         self.gpu.start_frame();
-        if let Method::Auto | Method::Crossings = self.kernel.0 {
+        if let Method::Auto | Method::Crossings = self.method {
             self.gpu.send_ahead(set);
         }
         let mut stats = self.find_pairs(set);
-        match self.kernel {
-            (method @ (Method::Auto | Method::Crossings), _) => {
+        match self.method {
+            method @ (Method::Auto | Method::Crossings) => {
                 let input = self.counting.input(set);
                 let predictions = Predictions::new(input, self.search.pairs(), method);
                 match predictions.choose(self.gpu.offer()) {
@@ -110,9 +111,9 @@ impl FullRun {
                     }
                 }
             }
-            (method, accuracy) => {
+            method => {
                 let pairs = self.search.pairs().to_vec();
-                let sums = Sums::of(set, (method, accuracy), &self.gpu, &pairs);
+                let sums = Sums::of(set, method, self.accuracy, &self.gpu, &pairs);
                 self.add_sums(set, &sums, &mut stats);
             }
         }

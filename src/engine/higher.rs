@@ -27,7 +27,8 @@ impl Engine {
         set: &CurveSet,
         is_given: bool,
         comparison: &Comparison,
-        (defects, missing): (&mut Vec<Defect>, &mut Vec<String>),
+        defects: &mut Vec<Defect>,
+        missing: &mut Vec<String>,
     ) -> Vec<InvariantChange> {
         let mut changes = Vec::new();
         let changed: Vec<Pair> = comparison.changes.iter().map(|c| (c.i, c.j)).collect();

@@ -49,19 +49,22 @@ impl<'a> Sums<'a> {
     /// ([`homotopic_polylines`]). Pairs that are too close for the conversion remain unknown.
     pub fn of(
         set: &CurveSet,
-        kernel: (Method, Accuracy),
+        method: Method,
+        accuracy: Accuracy,
         gpu: &GpuUse,
         pairs: &'a [Pair],
     ) -> Sums<'a> {
         let start = Instant::now();
         let mut discretizing = Duration::ZERO;
         let estimates = if set.basis().is_polyline() {
-            estimates(set, &[], kernel, gpu, pairs)
+            estimates(set, &[], method, accuracy, gpu, pairs)
         } else {
             let made = homotopic_polylines(set);
             discretizing = start.elapsed();
             let made = made.as_ref().ok();
-            made.and_then(|made| estimates(&made.curves, &made.too_close, kernel, gpu, pairs))
+            made.and_then(|made| {
+                estimates(&made.curves, &made.too_close, method, accuracy, gpu, pairs)
+            })
         };
         Sums {
             pairs,
@@ -160,7 +163,8 @@ impl<'a> Sums<'a> {
 fn estimates(
     polylines: &CurveSet,
     too_close: &[Defect],
-    (method, accuracy): (Method, Accuracy),
+    method: Method,
+    accuracy: Accuracy,
     gpu: &GpuUse,
     pairs: &[Pair],
 ) -> Option<Vec<Estimate>> {

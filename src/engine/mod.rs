@@ -115,17 +115,17 @@ impl Engine {
 
     /// Creates an engine whose kernels run on an adapter that is open already.
     pub fn with_gpu(mut options: SessionOptions, gpu: GpuUse) -> Self {
-        let (kernel, gpu) = match options.cell {
+        let (method, gpu) = match options.cell {
             // Kernels that sum cannot use coordinates that are exact sums, so crossings are
             // counted.
             Some(_) => (Method::Crossings, GpuUse::default()),
             None => (options.kernel, gpu),
         };
-        let full = FullRun::new((kernel, options.accuracy), gpu);
+        let full = FullRun::new(method, options.accuracy, gpu);
         let limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
-        let ends = (full.progress.cancel.clone(), full.progress.limit.clone());
         let incremental = options.strategy.is_incremental();
-        let steps = Steps::new(options.events, incremental, limit, ends);
+        let mut steps = Steps::new(options.events, incremental, limit);
+        steps.end_with(full.progress.cancel.clone(), full.progress.limit.clone());
         let given = options.baseline.take();
         let higher = given.as_ref().map(|given| given.higher.clone());
         Engine {
@@ -189,7 +189,7 @@ impl Engine {
     /// Shares the progress of another engine, and its cancellation.
     pub fn share_progress(&mut self, progress: Arc<Progress>) {
         self.steps
-            .end_with((progress.cancel.clone(), progress.limit.clone()));
+            .end_with(progress.cancel.clone(), progress.limit.clone());
         self.full.share_progress(progress);
     }
 
@@ -309,8 +309,9 @@ impl Engine {
         let mut motion = self.search_events(known, &frame, step, comparison)?;
         self.full.progress.check()?;
         let yarns = self.compare_yarns(known, &frame)?;
-        let findings = (&mut motion.defects, &mut missing);
-        let invariants = self.compare_invariants(known, given, is_given, comparison, findings);
+        let defects = &mut motion.defects;
+        let invariants =
+            self.compare_invariants(known, given, is_given, comparison, defects, &mut missing);
         // The moment at which a knot changed is known only if passages of a curve with itself are
         // searched for.
         let is_located = invariants.is_empty() || self.steps.events == Events::All;

@@ -32,25 +32,19 @@ pub(super) struct Steps {
 }
 
 impl Steps {
-    /// Creates the state, with a motion limit in segment lengths. `cancel` ends a search for
-    /// pull-throughs early.
-    pub fn new(
-        events: Events,
-        incremental: bool,
-        motion_limit: f64,
-        ends: (Cancel, PairLimit),
-    ) -> Self {
+    /// Creates the state, with a motion limit in segment lengths.
+    pub fn new(events: Events, incremental: bool, motion_limit: f64) -> Self {
         Steps {
             events,
             incremental,
-            ledger: Ledger::new(motion_limit, ends),
+            ledger: Ledger::new(motion_limit),
             ..Steps::default()
         }
     }
 
     /// Sets the cancellation and the pair limit, which end a search early.
-    pub fn end_with(&mut self, ends: (Cancel, PairLimit)) {
-        self.ledger.end_with(ends);
+    pub fn end_with(&mut self, cancel: Cancel, limit: PairLimit) {
+        self.ledger.end_with(cancel, limit);
     }
 
     /// Searches only the pairs of a filter from now on.

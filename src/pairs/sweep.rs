@@ -123,9 +123,8 @@ impl LinkSearch {
             }
             let mut range = (c * CHUNK).min(n)..((c + 1) * CHUNK).min(n);
             while !range.is_empty() && part.len() <= most {
-                let (first, all) = (part.len(), (range.clone(), most));
-                let found = &mut *part;
-                range.start = dispatch!(simd => Sweep::run(sweep, simd, all, found));
+                let (first, rest, found) = (part.len(), range.clone(), &mut *part);
+                range.start = dispatch!(simd => Sweep::run(sweep, simd, rest, most, found));
                 // Other pairs neither count nor end the search.
                 if let Some(filter) = filter {
                     part.extract_if(first.., |&mut (i, j)| !filter.contains(i, j))
@@ -237,7 +236,8 @@ impl Sweep {
     fn run<L: Lanes>(
         &self,
         simd: L,
-        (range, most): (Range<usize>, usize),
+        range: Range<usize>,
+        most: usize,
         found: &mut Vec<Pair>,
     ) -> usize {
         let after = range.end;
@@ -362,8 +362,8 @@ mod tests {
             search.find(&[Box3 { lo: [-1.0; 3], hi: [100.0; 3] }; 700]);
             prop_assert_eq!(&*search.find(&boxes), &want);
             let mut portable = Vec::new();
-            let all = (0..search.sweep.order.len(), usize::MAX);
-            search.sweep.run(Portable, all, &mut portable);
+            let all = 0..search.sweep.order.len();
+            search.sweep.run(Portable, all, usize::MAX, &mut portable);
             portable.sort_unstable();
             prop_assert_eq!(&portable, &want);
         }

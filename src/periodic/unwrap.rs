@@ -101,7 +101,7 @@ impl Unwrap {
             let (before, start) = known.map_or((first, Image::default()), |before| before[i]);
             let (by, share) = nearest(before, first);
             if share.1 > LONGEST {
-                guess.get_or_insert_with(|| moved_too_far(i, share));
+                guess.get_or_insert_with(|| moved_too_far(i, share.0, share.1));
             }
             let start = add(start, by);
             firsts.push((first, start));
@@ -114,7 +114,7 @@ impl Unwrap {
                 let next = fractional(raw((k + 1) % count));
                 let (by, share) = nearest(std::mem::replace(&mut last, next), next);
                 if share.1 > LONGEST {
-                    guess.get_or_insert_with(|| too_long(i, k, share));
+                    guess.get_or_insert_with(|| too_long(i, k, share.0, share.1));
                 }
                 image = add(image, by);
                 if k + 1 < count {
@@ -155,24 +155,24 @@ fn lengthen(points: &mut Vec<Point>, basis: Basis, moved: impl Fn(Point, i32) ->
 }
 
 /// Returns a text for a share of the cell along vector `x`.
-fn words((x, share): (usize, f64)) -> String {
+fn words(x: usize, share: f64) -> String {
     let (percent, vector) = (100.0 * share, x + 1);
     format!("{percent:.0} % of the periodic cell along vector {vector}")
 }
 
-fn too_long(curve: usize, vertex: usize, share: (usize, f64)) -> Error {
+fn too_long(curve: usize, vertex: usize, x: usize, share: f64) -> Error {
     Error::Usage(format!(
         "curve {curve}: the segment after vertex {vertex} has {}, so the image of its end is a \
          guess (at most a third): write unwrapped coordinates, or finer curves",
-        words(share)
+        words(x, share)
     ))
 }
 
-fn moved_too_far(curve: usize, share: (usize, f64)) -> Error {
+fn moved_too_far(curve: usize, x: usize, share: f64) -> Error {
     Error::Usage(format!(
         "curve {curve} moved by {} since the previous frame, so its image is a guess (at most a \
          third): publish more frames, or unwrapped coordinates",
-        words(share)
+        words(x, share)
     ))
 }
 

@@ -111,9 +111,19 @@ pub unsafe extern "C" fn lw_describe(
     counts: *const i32,
     curves: usize,
 ) -> lw_status {
-    let (codes, none) = ((basis_code, precision_code), (ptr::null(), ptr::null()));
+    let (names, radii) = (ptr::null(), ptr::null());
     // SAFETY: as promised by the caller.
-    unsafe { describe_labelled(client, codes, counts, curves, none) }
+    unsafe {
+        lw_describe_labelled(
+            client,
+            basis_code,
+            precision_code,
+            counts,
+            curves,
+            names,
+            radii,
+        )
+    }
 }
 
 /// Same as lw_describe, for curves with names or radii; either may be null.
@@ -136,23 +146,6 @@ pub unsafe extern "C" fn lw_describe_labelled(
     curves: usize,
     names: *const *const c_char,
     radii: *const f32,
-) -> lw_status {
-    // SAFETY: as promised by the caller.
-    unsafe {
-        let codes = (basis_code, precision_code);
-        describe_labelled(client, codes, counts, curves, (names, radii))
-    }
-}
-
-/// # Safety
-///
-/// As for [`lw_describe_labelled`].
-unsafe fn describe_labelled(
-    client: *mut lw_client,
-    (basis_code, precision_code): (u32, u32),
-    counts: *const i32,
-    curves: usize,
-    (names, radii): (*const *const c_char, *const f32),
 ) -> lw_status {
     guard(LW_ERROR, || {
         // SAFETY: as promised by the caller.

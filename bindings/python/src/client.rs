@@ -22,7 +22,8 @@ pub struct Client(Shared<State>);
 struct State {
     /// None once the session has ended.
     client: Option<linkwatch::Client>,
-    kind: (Basis, Precision),
+    basis: Basis,
+    precision: Precision,
     points: usize,
     frame: Option<Begun>,
     /// Keeps the shared memory of all frames of these curves mapped, also after the session if a
@@ -167,7 +168,7 @@ impl Client {
     #[new]
     fn new(
         service: &str,
-        curves: (Vec<i32>, Vec<String>, Vec<f32>),
+        curves: Curves,
         basis_name: &str,
         single: bool,
         lockstep: bool,
@@ -185,12 +186,12 @@ impl Client {
         };
         guarded(|| {
             let mut client = linkwatch::Client::open(service, &options).map_err(exception)?;
-            let kind = (basis, precision);
-            let points = declare(&mut client, kind, curves)?;
+            let points = declare(&mut client, basis, precision, curves)?;
             let mapping = keep_mapped(&client)?;
             Ok(Client(Shared::new(State {
                 client: Some(client),
-                kind,
+                basis,
+                precision,
                 points,
                 frame: None,
                 mapping: Some(mapping),
@@ -202,11 +203,11 @@ impl Client {
     }
 
     /// Declares other curves from the next frame on: counts, names and radii.
-    fn describe(&self, py: Python<'_>, curves: (Vec<i32>, Vec<String>, Vec<f32>)) -> PyResult<()> {
+    fn describe(&self, py: Python<'_>, curves: Curves) -> PyResult<()> {
         self.0.with(py, |state| {
             state.discard(py)?;
-            let kind = state.kind;
-            let points = declare(state.open()?, kind, curves)?;
+            let (basis, precision) = (state.basis, state.precision);
+            let points = declare(state.open()?, basis, precision, curves)?;
             // Without it, no frame of these curves can be begun.
             state.mapping = None;
             state.points = points;
@@ -235,7 +236,7 @@ impl Client {
                 return Err(PyRuntimeError::new_err(what));
             }
             let mut memory = state.open()?.begin(time).map_err(exception)?;
-            let view = match state.kind.1 {
+            let view = match state.precision {
                 Precision::F32 => state.view(py, memory.positions_f32().map_err(exception)?),
                 Precision::F64 => state.view(py, memory.positions_f64().map_err(exception)?),
             }?;
@@ -476,11 +477,16 @@ impl State {
     }
 }
 
-/// Declares the curves of the next frames: counts, names and radii. Returns their number of points.
+/// Counts, names and radii of curves.
+#[derive(FromPyObject)]
+struct Curves(Vec<i32>, Vec<String>, Vec<f32>);
+
+/// Declares the curves of the next frames. Returns their number of points.
 fn declare(
     client: &mut linkwatch::Client,
-    (basis, precision): (Basis, Precision),
-    (counts, names, radii): (Vec<i32>, Vec<String>, Vec<f32>),
+    basis: Basis,
+    precision: Precision,
+    Curves(counts, names, radii): Curves,
 ) -> PyResult<usize> {
     let labels = CurveLabels::named(names).with_radii(radii);
     let declared = client.describe_labelled(basis, precision, &counts, labels);

@@ -323,7 +323,7 @@ impl Follower<'_> {
                     let (seq, time) = (frame.seq(), frame.time());
                     let before = self.state.note.clone();
                     let (state, cuts) = (sidecar.state(), frame.cuts());
-                    self.state.begin_frame(state, (seq, time), cuts)?;
+                    self.state.begin_frame(state, seq, time, cuts)?;
                     if frame.after_gap() && run.tally.verified > 0 {
                         run.begin_after_gap();
                     }

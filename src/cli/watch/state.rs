@@ -180,11 +180,12 @@ impl State {
     pub fn begin_frame(
         &mut self,
         simulator: Option<SidecarState>,
-        at: (u64, f64),
+        seq: u64,
+        time: f64,
         cuts: u32,
     ) -> Result<()> {
         self.note.simulator = simulator.or(self.note.simulator);
-        self.note.in_hand = Some(at);
+        self.note.in_hand = Some((seq, time));
         self.note.cuts = cuts;
         self.write()
     }
@@ -413,7 +414,7 @@ mod tests {
         assert!(first.begin_session(5, 1).unwrap().is_none());
         first.keep(RunState::default).unwrap();
         first
-            .begin_frame(Some(simulator(5)), (7, 0.7), u32::MAX)
+            .begin_frame(Some(simulator(5)), 7, 0.7, u32::MAX)
             .unwrap();
 
         drop(first);
@@ -451,7 +452,7 @@ mod tests {
         let mut first = State::open(Some(&path), "").unwrap();
         first.begin_session(5, 1).unwrap();
         first.keep(RunState::default).unwrap();
-        first.begin_frame(Some(simulator(5)), (7, 0.7), 0).unwrap();
+        first.begin_frame(Some(simulator(5)), 7, 0.7, 0).unwrap();
         drop(first);
         let session = folder.path().join("watch.state.session");
         let whole = std::fs::read(&session).unwrap();

@@ -134,8 +134,8 @@ impl BraidLoops {
             let candidates = candidates.map_err(|why| format!("{name}: {why}"))?;
             let mut why = None;
             let fits = candidates.into_iter().find(|end| {
-                let at = (&points[side][..], now[1 - side]);
-                let placed = self.place(set, (end, &braid.curves), at, &name);
+                let (ends, other) = (&points[side], now[1 - side]);
+                let placed = self.place(set, end, &braid.curves, ends, other, &name);
                 placed.map_err(|e| why.get_or_insert(e)).is_ok()
             });
             fits.ok_or_else(|| why.unwrap_or_default())
@@ -158,8 +158,10 @@ impl BraidLoops {
     fn place(
         &self,
         set: &CurveSet,
-        (end, curves): (&End, &[u32]),
-        (points, other): (&[Vector3<f64>], Vector3<f64>),
+        end: &End,
+        curves: &[u32],
+        points: &[Vector3<f64>],
+        other: Vector3<f64>,
         name: &str,
     ) -> Result<Pose, String> {
         let pose = end.pose(points, other, curves);
@@ -215,8 +217,8 @@ impl BraidLoops {
             let middles = points.each_ref().map(|points| mean(points));
             let pose = |side: usize| {
                 let name = format!("the {} end of braid {b}", SIDES[side]);
-                let at = (&points[side][..], middles[1 - side]);
-                self.place(set, (&braid.ends[side], &braid.curves), at, &name)
+                let (end, other) = (&braid.ends[side], middles[1 - side]);
+                self.place(set, end, &braid.curves, &points[side], other, &name)
             };
             poses.push([pose(0)?, pose(1)?]);
         }

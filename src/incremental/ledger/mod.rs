@@ -115,28 +115,26 @@ pub(crate) struct Ledger {
 
 impl Default for Ledger {
     fn default() -> Self {
-        Ledger::new(MOTION_LIMIT, Default::default())
+        Ledger::new(MOTION_LIMIT)
     }
 }
 
 impl Ledger {
-    /// Returns a ledger whose steps end early if they are cancelled or find more pairs than the
-    /// limit. Their results are meaningless then.
-    pub fn new(motion_limit: f64, (cancel, limit): (Cancel, PairLimit)) -> Self {
-        let mut search = LinkSearch::default();
-        search.limit = limit;
+    /// Returns a ledger with a motion limit in segment lengths.
+    pub fn new(motion_limit: f64) -> Self {
         Ledger {
             motion_limit,
             trees: SweptTrees::default(),
-            search,
+            search: LinkSearch::default(),
             pairs: Vec::new(),
             parts: Vec::new(),
-            cancel,
+            cancel: Cancel::default(),
         }
     }
 
-    /// Sets the cancellation and the pair limit, which end a search early.
-    pub fn end_with(&mut self, (cancel, limit): (Cancel, PairLimit)) {
+    /// Sets the cancellation and the pair limit, which end a search early. Its results are
+    /// meaningless then.
+    pub fn end_with(&mut self, cancel: Cancel, limit: PairLimit) {
         self.search.limit = limit;
         self.cancel = cancel;
     }

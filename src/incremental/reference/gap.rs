@@ -144,7 +144,7 @@ pub(super) fn typical_clearance(
     let curves = covered.indices();
     let blocks = curves.flat_map(|i| (0..count(i)).map(move |g| (i, g)));
     let samples: Vec<(usize, usize)> = blocks.skip(step / 2).step_by(step).collect();
-    let distance = |&block: &(usize, usize)| clearance(covered, trees, filter, block);
+    let distance = |&(i, block): &_| clearance(covered, trees, filter, i, block);
     let mut distances: Vec<f64> = samples.par_iter().map(distance).collect();
     distances.sort_by(f64::total_cmp);
     let quartile = distances.get(distances.len() * 3 / 4);
@@ -158,7 +158,8 @@ fn clearance(
     covered: Covered<'_>,
     trees: &Trees,
     filter: Option<&PairFilter>,
-    (i, block): (usize, usize),
+    i: usize,
+    block: usize,
 ) -> f64 {
     let set = covered.set;
     let boxes = set.leaf_boxes(i, block);
