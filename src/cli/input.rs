@@ -265,7 +265,9 @@ fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
 
 /// Returns true if the file is a recording, or an MCAP file of another program.
 pub fn is_mcap(path: &Path) -> bool {
-    has_extension(&without_compression(path), &["mcap"])
+    let is_unpacked = formats::reader().is_some();
+    has_extension(path, &["mcap"])
+        || is_unpacked && has_extension(&without_compression(path), &["mcap"])
 }
 
 /// Returns true if a file begins as an MCAP file, whatever its name.

@@ -70,14 +70,12 @@ pub(crate) fn name_of(files: &[PathBuf]) -> PathBuf {
 /// Extensions of compressed files that the reader unpacks.
 const COMPRESSED: [&str; 3] = ["gz", "bz2", "xz"];
 
-/// Returns the name of a file without the extension of a compressed one, if this process has a
-/// reader that unpacks it.
+/// Returns the name of a file without the extension of a compressed one.
 pub(crate) fn without_compression(file: &Path) -> PathBuf {
     let extension = file.extension().unwrap_or_default();
-    let is_packed = |_: &_| COMPRESSED.iter().any(|e| extension.eq_ignore_ascii_case(e));
-    match reader().filter(is_packed) {
-        Some(_) => file.with_extension(""),
-        None => file.into(),
+    match COMPRESSED.iter().any(|e| extension.eq_ignore_ascii_case(e)) {
+        true => file.with_extension(""),
+        false => file.into(),
     }
 }
 

@@ -804,6 +804,9 @@ def test_edges_that_share_no_point_are_joined_by_their_places(tmp_path):
         ("a.tg3", tg3().replace("1, 0, 0", "1, 0"), "yarn 0: MasterNode has Position '1, 0'"),
         ("a.tg3", "<TexGenModel><Textile/></TexGenModel>", "saved with minimal output"),
         ("a.pvd", "<a><DataSet file='b'/></a>", "not a valid collection"),
+        # Regression tests: a traceback, and an array from the end of the file.
+        ("a.vtp", vtp().replace(b">0 1 2 ", b">0 99999999999999999999 2 "), "connectivity: "),
+        ("a.vtp", vtp("appended-raw").replace(b'offset="0"', b'offset="-9"'), "offset -9"),
     ],
 )
 def test_a_damaged_file_is_refused(tmp_path, name, content, words):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import re
 from pathlib import Path
@@ -223,10 +224,7 @@ def unwrapped(points: Array, counts: list[int], cell: Array) -> tuple[Array, lis
     ends = np.cumsum(sizes)
     starts = ends - sizes
     is_closed = np.asarray(counts) < 0
-    # A vector of zeros means that the direction is not periodic. Rounding gives the nearest image
-    # only if vectors are nearly orthogonal, so the shortest ones of the lattice are used.
-    vectors = np.array(_linkwatch.reduced_cell(cell.ravel().tolist())[:3])
-    to_cell = np.linalg.pinv(vectors)
+    vectors, to_cell, limit = _reduced(tuple(cell.ravel().tolist()))
     steps = np.empty_like(points)
     np.subtract(points[1:], points[:-1], out=steps[1:])
     # The step to the first vertex of a curve is that from its last one, if that closes it.
@@ -242,8 +240,7 @@ def unwrapped(points: Array, counts: list[int], cell: Array) -> tuple[Array, lis
             f"the segment before point {at - starts[k]} of curve {k} is longer than a third of the "
             "cell, so its image would be a guess (`unwrap=False` takes coordinates as they are)"
         )
-    # No lattice vector is shorter than the least singular value.
-    if most * np.linalg.norm(vectors, axis=1).sum() > 0.5 / np.linalg.norm(to_cell, 2):
+    if most > limit:
         _check_nearest(steps @ vectors, vectors)
     points = points.astype(np.float64)
     crossing = int(images.any(axis=1).sum()) if images.any() else 0
@@ -264,6 +261,19 @@ def unwrapped(points: Array, counts: list[int], cell: Array) -> tuple[Array, lis
         for k in yarns.tolist():
             counts[k] = 1 - counts[k]
     return points, counts, crossing
+
+
+@functools.lru_cache(1)
+def _reduced(cell: tuple[float, ...]) -> tuple[Array, Array, float]:
+    """Returns the shortest vectors of a lattice, the matrix to coordinates along them, and a bound
+    on these coordinates of a step below which no other image is nearer."""
+    # A vector of zeros means that the direction is not periodic. Rounding gives the nearest image
+    # only if vectors are nearly orthogonal.
+    vectors = np.array(_linkwatch.reduced_cell([*cell])[:3])
+    to_cell = np.linalg.pinv(vectors)
+    # No lattice vector is shorter than the least singular value.
+    limit = 0.5 / np.linalg.norm(to_cell, 2) / np.linalg.norm(vectors, axis=1).sum()
+    return vectors, to_cell, limit
 
 
 def frames_of_files(

@@ -70,7 +70,7 @@ class PassedOver:
         elif _is_gsd(reader) and not (abs(box[3:] - 90) < 1e-4).all():
             raise ValueError("MDAnalysis has other angles than the GSD file: give `cell`")
         else:
-            vectors = _vectors(box)
+            vectors = _vectors(tuple(box.tolist())).copy()
         if kind == "H5MD" and "edges" in reader._particle_group["box"]:
             group = reader._particle_group["box"]
             edges = np.asarray(group["edges/value"][frame], np.float64)
@@ -190,11 +190,12 @@ class PassedOver:
         return whole.readers[k], int(frame)
 
 
-def _vectors(box: Array) -> Array:
+@functools.lru_cache(1)
+def _vectors(box: tuple[float, ...]) -> Array:
     """Returns the vectors of a cell with some edges and angles: an edge of 0 stands for no
     repetition."""
     core = library("MDAnalysis.lib.mdamath", "mdanalysis")
-    edges, angles = np.hsplit(box, 2)
+    edges, angles = np.array(box[:3]), np.array(box[3:])
     repeats = edges != 0
     edged = [*np.where(repeats, edges, 1.0), *angles]
     vectors: Array = core.triclinic_vectors(edged, dtype=np.float64) * repeats[:, None]
