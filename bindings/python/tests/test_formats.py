@@ -6,9 +6,11 @@ import gzip
 import importlib.util
 import json
 import lzma
+import os
 import pathlib
 import pickle
 import re
+import signal
 import struct
 import subprocess
 import zlib
@@ -16,7 +18,7 @@ import zlib
 import linkwatch
 import numpy as np
 import pytest
-from conftest import COMMAND, PATIENCE
+from conftest import COMMAND, PATIENCE, until
 from linkwatch import io
 from linkwatch._command import main
 from test_command import run
@@ -417,6 +419,24 @@ def test_compressed_files_are_named_as_they_were_given(tmp_path):
         code, out, err = run("certify", file)
         assert code == 2 and err.splitlines()[-1].startswith(f"error: {file}: "), err
         assert "linkwatch-" not in err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_killed_command_leaves_no_unpacked_files(tmp_path, number):
+    # Regression test: they stayed in the temporary folder.
+    packed, pipe, folder = (tmp_path / name for name in ("a.ply.gz", "pipe", "temporary"))
+    packed.write_bytes(gzip.compress(ply()))
+    os.mkfifo(pipe)
+    folder.mkdir()
+    words = [COMMAND, "certify", packed, "-o", pipe]
+    environment = {**os.environ, "TMPDIR": str(folder)}
+    # It waits for a reader of the pipe.
+    with subprocess.Popen([*map(str, words)], env=environment) as waiting:
+        until("the unpacked file", lambda: list(folder.glob("linkwatch-*/**/a.ply")))
+        waiting.send_signal(number)
+        assert waiting.wait(PATIENCE) == -number
+    until("its end", lambda: not list(folder.glob("linkwatch-*")))
 
 
 def test_a_folder_skips_no_file_of_the_package_in_silence(tmp_path):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from ._linkwatch import command
 
 if TYPE_CHECKING:
+    import subprocess
     from collections.abc import Iterator
     from typing import Any
 
@@ -65,6 +66,7 @@ class Reader:
 
     def __init__(self) -> None:
         self.folder: TemporaryDirectory[str] | None = None
+        self.remover: subprocess.Popen[bytes] | None = None
         #: Files in this folder with the contents of compressed ones.
         self.plain: dict[str, Path] = {}
 
@@ -82,6 +84,8 @@ class Reader:
 
     def unpacked(self, file: str) -> Path:
         """Returns the content of a compressed file. Others are returned as they are."""
+        import subprocess
+
         from . import io
 
         path = Path(file)
@@ -89,6 +93,11 @@ class Reader:
             return path
         if self.folder is None:
             self.folder = TemporaryDirectory(prefix="linkwatch-")
+            if os.name == "posix":
+                # Removes the files also if this process is killed: its end closes the pipe.
+                remove = ["sh", "-c", 'cat; rm -rf -- "$0"', self.folder.name]
+                pipe = subprocess.PIPE
+                self.remover = subprocess.Popen(remove, stdin=pipe, start_new_session=True)
         if file not in self.plain:
             self.plain[file] = io.unpacked([path], Path(self.folder.name))[0]
         return self.plain[file]
