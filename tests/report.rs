@@ -3,6 +3,8 @@
 #[path = "support/mod.rs"]
 mod support;
 
+use linkwatch::formats::{Format, FrameWriter, ModelFrame};
+use linkwatch::{Basis, CurveSet, FrameInfo, Positions};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use support::command::{command, linkwatch, text};
@@ -124,4 +126,49 @@ fn bad_input_is_an_error_with_the_name_of_the_file() {
     let run = linkwatch(&["report", text(&path), "-o", text(&words)]);
     assert_eq!((run.code, words.exists()), (2, false), "{run:?}");
     assert!(run.stderr.contains("name it .html"), "{run:?}");
+}
+
+/// Regression test: a run without any searched step was intact, as its open curves were not
+/// counted.
+#[test]
+fn open_curves_without_a_searched_step_make_a_report_incomplete() {
+    let folder = tempfile::tempdir().unwrap();
+    let [archive, recording] = ["a.npz", "a.mcap"].map(|name| folder.path().join(name));
+    for (cuts, code) in [([0, 1, 2], 3), ([0, 1, 1], 0), ([0, 0, 0], 0)] {
+        let mut writer = FrameWriter::create(&archive, Format::Npz).unwrap();
+        for (seq, cuts) in (0..).zip(cuts) {
+            let mut info = FrameInfo::at(seq, seq as f64);
+            info.cuts = cuts;
+            // A square, and a line through it.
+            let xyz = [
+                [-1.0, -1.0, 0.0],
+                [1.0, -1.0, 0.0],
+                [1.0, 1.0, 0.0],
+                [-1.0, 1.0, 0.0],
+                [0.1, 0.0, -1.0],
+                [0.1, 0.01 * seq as f64, 1.0],
+            ];
+            let positions = Positions::F64(xyz.as_flattened());
+            let curves = CurveSet::from_counts(Basis::Polyline, &[-4, 2], positions);
+            writer.frame(&ModelFrame::of(info, curves)).unwrap();
+        }
+        writer.finish().unwrap();
+        let check = [
+            "check",
+            text(&archive),
+            "--force",
+            "--record",
+            text(&recording),
+        ];
+        assert_eq!(linkwatch(&check).code, code, "{cuts:?}");
+        assert_eq!(
+            linkwatch(&["replay", text(&recording)]).code,
+            code,
+            "{cuts:?}"
+        );
+        let run = linkwatch(&["report", text(&recording), "--text"]);
+        assert_eq!(run.code, code, "{cuts:?}: {run:?}");
+        let says = run.stdout.contains("1 open curve was not verified");
+        assert_eq!(says, code == 3, "{run:?}");
+    }
 }

@@ -83,6 +83,20 @@ impl Known {
         }
     }
 
+    /// Returns the state before a first frame with the same expectations, whatever images of the
+    /// curves that frame has; `None` if the scene has no cell.
+    pub fn before_alignment(&self) -> Option<Known> {
+        self.cell.as_ref()?;
+        Some(Known {
+            given: self.joined().cloned(),
+            higher: Arc::clone(&self.higher),
+            intactness: self.intactness,
+            extent: self.extent,
+            cell: Some(CellScene::default()),
+            ..Known::default()
+        })
+    }
+
     /// Returns an error if the baseline has another number of curves than the frame.
     pub fn check_number(&self, curves: usize) -> Result<()> {
         let baseline = self.given.as_ref().or(self.joined());

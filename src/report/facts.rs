@@ -154,6 +154,8 @@ pub(super) struct Facts {
     pub stats: Stats,
     /// Largest number of open curves of a frame.
     pub open_curves: u64,
+    /// Number of curves without linking numbers in runs without any searched step.
+    pub unfollowed: u64,
     /// True if a frame had several curves, or a periodic cell.
     pub has_pairs: bool,
     pub violations: Violations,
@@ -192,6 +194,7 @@ impl Facts {
                 Err(e) => break Some(plain(&e.to_string(), TEXT)),
             }
         };
+        collector.end_run();
         let mut facts = collector.facts;
         facts.counts.unanswered += u64::from(collector.frame.is_some());
         facts.foreign = reader.skipped();
@@ -281,6 +284,9 @@ struct Collector {
     cuts: Option<u32>,
     /// Number of the frame that the simulator accepted last.
     accepted: Option<u64>,
+    /// True if the next frame does not continue the last one.
+    is_cut: bool,
+    run: RecordedRun,
     /// Number of rejected frames after the last verified one.
     rejected: u64,
     /// Lasting verdicts before the current violation.
@@ -293,10 +299,30 @@ struct Collector {
     missing: MissingFrames,
 }
 
+/// Verified frames after a baseline.
+#[derive(Default)]
+struct RecordedRun {
+    verified: u64,
+    /// Number of steps that continue the motion.
+    followed: u64,
+    /// Largest number of open curves of a frame.
+    open_curves: u64,
+}
+
 impl Collector {
+    /// Ends a run: counts the curves that it did not verify, because no step was searched.
+    fn end_run(&mut self) {
+        let run = std::mem::take(&mut self.run);
+        if run.verified > 1 && run.followed == 0 {
+            let through = self.facts.baseline.as_ref().map_or(0, |b| b.through);
+            self.facts.unfollowed += run.open_curves + through;
+        }
+    }
+
     fn add(&mut self, item: RecordedItem) {
         match item {
             RecordedItem::Baseline(b) => {
+                self.end_run();
                 let images = b.certificate.images.as_deref().unwrap_or_default();
                 self.facts.baseline = Some(Baseline {
                     origin: plain(&b.origin, TEXT),
@@ -323,8 +349,10 @@ impl Collector {
                 self.facts.counts.cuts += u64::from(is_cut);
                 self.after_cut |= is_cut;
                 let accepted = self.accepted.replace(frame.info.baseline);
+                let is_accepted = accepted.is_some_and(|seq| seq != frame.info.baseline);
+                self.is_cut |= is_cut || is_accepted;
                 if let Some(baseline) = &mut self.facts.baseline
-                    && accepted.is_some_and(|seq| seq != frame.info.baseline)
+                    && is_accepted
                 {
                     let before = frame.seq.saturating_sub(frame.info.baseline);
                     baseline.unverified += before.min(self.rejected);
@@ -382,6 +410,11 @@ impl Collector {
             counts.without_curves += u64::from(ordinal.is_none());
             facts.stats = report.stats;
             facts.open_curves = facts.open_curves.max(report.stats.open_curves);
+            let run = &mut self.run;
+            let has_step = run.verified > 0 && !std::mem::take(&mut self.is_cut);
+            run.verified += 1;
+            run.followed += u64::from(has_step);
+            run.open_curves = run.open_curves.max(report.stats.open_curves);
             facts.has_pairs |= report.stats.curves != 1;
         }
         let received = progress.received_ns;

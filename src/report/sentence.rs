@@ -127,7 +127,7 @@ impl Facts {
     pub(super) fn unverified_curves(&self) -> u64 {
         match self.events() {
             Events::Off => self.open_curves + self.baseline.as_ref().map_or(0, |b| b.through),
-            _ => 0,
+            _ => self.unfollowed,
         }
     }
 
@@ -242,6 +242,9 @@ impl Facts {
             let what = "pull-throughs were not searched for: two that cancel are not detected";
             note(1, format!("{what}{open}"));
         }
+        let curves = plural_of(self.unfollowed, "open curve was", "open curves were");
+        let words = format!("{curves} not verified, because no step was searched");
+        note(self.unfollowed, words);
         let unmeasured = frames(self.unmeasured());
         let words = format!("the clearance of {unmeasured} was not measured");
         note(self.unmeasured(), words);

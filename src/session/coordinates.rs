@@ -48,7 +48,8 @@ impl Coordinates {
 
     /// Returns the curves of a frame where they are verified. `info` has the cell with which they
     /// are; `of_frame` is also that of a frame whose images are not verified. `wrapped` is
-    /// [`SessionOptions::wrapped`](crate::SessionOptions::wrapped).
+    /// [`SessionOptions::wrapped`](crate::SessionOptions::wrapped). If the frame does not continue
+    /// the last one (`cut`), wrapped curves begin at any of their images.
     ///
     /// # Errors
     ///
@@ -60,13 +61,17 @@ impl Coordinates {
         info: &FrameInfo,
         of_frame: Option<Cell>,
         wrapped: Option<bool>,
+        cut: bool,
     ) -> Result<Arc<CurveSet>> {
         let cell = info.cell;
         let placed = match (wrapped, cell) {
             (Some(true), _) => {
                 let none = "wrapped coordinates need a periodic cell, but the frame has none";
                 let cell = cell.or(of_frame).ok_or_else(|| Error::Usage(none.into()))?;
-                let mut unwrap = self.state.unwrap.clone();
+                let mut unwrap = match cut {
+                    true => Unwrap::default(),
+                    false => self.state.unwrap.clone(),
+                };
                 let curves = unwrap.unwrap(given, &cell)?;
                 self.unwrapped = Some(unwrap);
                 Some(curves)

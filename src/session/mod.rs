@@ -477,13 +477,13 @@ impl Session {
             Some((engine, coordinates)) => (engine, coordinates),
             None => (&mut self.engine, &mut self.coordinates),
         };
-        let set = coordinates.place(&given, info, of_frame, self.options.wrapped)?;
+        let cuts = cut || matches!(self.next, Next::Cut);
+        let set = coordinates.place(&given, info, of_frame, self.options.wrapped, cuts)?;
         if let Some(change) = &mut change {
             let returned = change.appeared.iter();
             let returned = returned.filter(|name| self.gone.contains(&hash(name)));
             change.returned = returned.cloned().collect();
         }
-        let cuts = cut || matches!(self.next, Next::Cut);
         let mut report = engine.verify(NextFrame {
             seq: info.seq,
             time: info.time,

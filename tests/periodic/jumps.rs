@@ -320,3 +320,80 @@ fn a_yarn_in_single_precision_stays_one_after_a_jump() {
         assert_eq!(session.baseline().unwrap().periods(), [(0, [1, 0, 0])]);
     }
 }
+
+/// Regression test: after a cut, a curve that had jumped kept its translation, and an intact frame
+/// was changed; wrapped coordinates were rejected, because the curves had moved too far.
+#[test]
+fn the_frame_after_a_cut_may_have_any_images_of_its_curves() {
+    let mut verdicts = [0; 3];
+    for seed in 0..60 {
+        let mut random = Random::from_key([seed, 72]);
+        let first = snapped(Scene::random(seed));
+        for strategy in [Strategy::Full, Strategy::Incremental, Strategy::Paranoid] {
+            let options = first.options(strategy, Events::Between);
+            let mut session = Session::new(options.clone()).unwrap();
+            let verify = |session: &mut Session, seq: u64, scene: &Scene| {
+                let received = Received::new(FrameInfo::at(seq, 0.0), Ok(Arc::new(scene.set())));
+                session.verify(received).unwrap().report
+            };
+            if verify(&mut session, 0, &first).rejected.is_some() {
+                continue;
+            }
+            let baseline = session.baseline().unwrap().clone();
+            // A pair without a number gets one in a later frame.
+            if !baseline.undefined().is_empty() {
+                continue;
+            }
+            for k in 0..4 {
+                let mut fresh = Session::new(SessionOptions {
+                    baseline: Some(baseline.clone()),
+                    ..options.clone()
+                });
+                session.cut();
+                let mut frame = snapped(first.moved(100 * seed + k, 0.2 * k as f64));
+                for step in 0..2 {
+                    let given = reimaged(&frame, &mut random);
+                    let seq = 1 + 2 * k + step;
+                    let found = verify(&mut session, seq, &given);
+                    let fresh = fresh.as_mut().unwrap();
+                    let expected = verify(fresh, seq, &given);
+                    assert_eq!(
+                        found.verdict, expected.verdict,
+                        "seed {seed}, frame {seq}: {found:?}, {expected:?}"
+                    );
+                    verdicts[match found.verdict {
+                        Verdict::Intact => 0,
+                        Verdict::Changed => 1,
+                        _ => 2,
+                    }] += 1;
+                    session.settle();
+                    frame = snapped(frame.moved(7, 0.01));
+                }
+            }
+        }
+    }
+    assert!(verdicts[0] > 200 && verdicts[1] > 200, "{verdicts:?}");
+    // A pair that drifts, so that one ring jumps, and is rolled back by more than a third.
+    for wrapped in [None, Some(true)] {
+        let mut options = SessionOptions {
+            cell: Some("10,10,10".parse().unwrap()),
+            ..SessionOptions::default()
+        };
+        options.wrapped = wrapped;
+        let mut session = Session::new(options).unwrap();
+        for (seq, x) in (0..).zip([6.0, 7.0, 8.0, 9.0, 9.5, 9.8, 6.2, 6.5, 7.0]) {
+            if seq == 6 {
+                session.cut();
+            }
+            let in_cell = |x: f64| x.rem_euclid(10.0);
+            let [a, b] = [(x, [0, 1]), (x + 0.3, [0, 2])]
+                .map(|(x, axes)| ring([in_cell(x), 5.0, 5.0], axes, 16));
+            let report = session.step(seq, &Arc::new(curves(&[a, b], 0))).report;
+            assert_eq!(
+                report.verdict,
+                Verdict::Intact,
+                "{wrapped:?}, {x}: {report:?}"
+            );
+        }
+    }
+}
