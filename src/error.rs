@@ -71,14 +71,14 @@ pub enum Error {
         /// Error in the file.
         source: Box<Error>,
     },
-    /// A count promises more than the data holds.
+    /// A count does not agree with the data, or exceeds a limit.
     #[error("{what}: {promised} promised, {available} available")]
     Count {
         /// Name of the counted things.
         what: &'static str,
-        /// Number given in the header.
+        /// Number given or needed.
         promised: u64,
-        /// Number that fits into the data.
+        /// Number found, or the limit.
         available: u64,
     },
     /// A coordinate is NaN or infinite.

@@ -21,10 +21,12 @@ pub fn count(n: impl Count) -> String {
     String::from_utf8(groups.join(&b',')).expect("digits and commas")
 }
 
-/// Formats a share from 0 to 1, `12.50 %`. Only 0 is shown as 0.
+/// Formats a share from 0 to 1, `12.50 %`. Positive shares below 0.01 % are `under 0.01 %`, those
+/// near all `over 99.99 %`.
 pub fn percent(share: f64) -> String {
     match share * 100.0 {
         x if x > 0.0 && x < 0.01 => "under 0.01 %".to_owned(),
+        x if x > 99.99 && x < 100.0 => "over 99.99 %".to_owned(),
         x => format!("{x:.2} %"),
     }
 }
@@ -42,7 +44,7 @@ pub fn plural_of(n: impl Count, one: &str, many: &str) -> String {
     }
 }
 
-/// Returns words about a count, or none if it is 0.
+/// Returns the result of `words`, or an empty text if the count is 0.
 pub fn if_any(n: u64, words: impl FnOnce() -> String) -> String {
     if n > 0 { words() } else { String::new() }
 }
@@ -78,6 +80,8 @@ mod tests {
         assert_eq!(count(999_u64), "999");
         assert_eq!(count(1000_u64), "1,000");
         assert_eq!(count(1_234_567_u64), "1,234,567");
+        assert_eq!(percent(0.99999), "over 99.99 %");
+        assert_eq!(percent(1.0), "100.00 %");
         assert_eq!(plural(1_u64, "link"), "1 link");
         assert_eq!(plural(2000_u64, "link"), "2,000 links");
         assert_eq!(millis(Duration::from_micros(1234)), "1.23 ms");

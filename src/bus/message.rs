@@ -127,8 +127,8 @@ pub struct VerdictMessage {
     pub unresolved: u32,
     /// Number of all findings of the frame.
     pub findings: u32,
-    /// The first finding that the last verified frame did not have: the reason for `abort`, if that
-    /// is set. The first of all if there is none.
+    /// The first finding that the last verified frame did not have, or the first of all findings if
+    /// none is new. It is the reason for `abort`, if that is set.
     pub first: Option<Finding>,
     /// Extent of the scene ([`Stats::extent`](crate::Stats::extent)).
     pub extent: f64,

@@ -332,7 +332,8 @@ impl Sidecar {
         }
     }
 
-    /// Receives messages until there is an event to return, or no message is left.
+    /// Receives messages until an event other than [`Event::NewSession`] is pending, no message is
+    /// left, or [`BATCH`] messages were received.
     fn drain(&mut self) -> Result<()> {
         for _ in 0..BATCH {
             // The messages after the first one map the memory of their publishers.
@@ -362,8 +363,7 @@ impl Sidecar {
         }))
     }
 
-    /// Receives what the publisher of baselines has sent. Messages of the other publisher may
-    /// arrive before it.
+    /// Receives the baseline of a session. Holds back other messages, which may arrive before it.
     fn receive_baseline(&mut self, session: u64) {
         for _ in 0..BATCH {
             // A failure shows in the next call.

@@ -106,7 +106,7 @@ impl Certificate {
     ///
     /// [`Error::Format`] with the line that is invalid.
     pub fn parse(text: &str) -> Result<Certificate> {
-        // A byte order mark, which editors of Windows write.
+        // Some editors of Windows write a byte order mark.
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let bad = |line: usize, what: String| {
             Error::format("certificate", format_args!("line {}", line + 1), what)
@@ -116,6 +116,7 @@ impl Certificate {
         let empty = || bad(0, "empty; expected the number of curves".into());
         let (at, first) = lines.next().ok_or_else(empty)?;
         let after = first.trim_start().strip_prefix(PERIODIC);
+        let after = after.filter(|rest| rest.starts_with(char::is_whitespace));
         let (periodic, first) = (after.is_some(), after.unwrap_or(first));
         let (number, comment) = match first.split_once('#') {
             Some((number, _)) => (number, Some(&first[number.len()..])),
@@ -328,6 +329,7 @@ mod tests {
         ] {
             assert_eq!(Certificate::parse(plain).unwrap(), c);
         }
+        assert!(Certificate::parse("periodic9").is_err());
         let empty = Certificate::parse("70").unwrap();
         assert_eq!(empty.to_string(), "70 # lines: 0\n");
         assert_eq!(Certificate::parse(&empty.to_string()).unwrap(), empty);

@@ -260,14 +260,14 @@ impl Converter {
     ) -> Result<()> {
         for frame in frames {
             let frame = frame?;
-            if !self.is_valid(&frame) {
-                continue;
-            }
-            let mut info = frame.info;
             if frame.after_gap {
                 let kind = ["gap in a recording", "gaps in a recording"];
                 LeftOut::add(&mut self.gaps, kind, || frame.name.clone());
             }
+            if !self.is_valid(&frame) {
+                continue;
+            }
+            let mut info = frame.info;
             let gaps: u64 = self.gaps.iter().map(|gap| gap.count).sum();
             info.cuts = info.cuts.wrapping_add(gaps as u32);
             info.left_out.extend_from_slice(&self.gaps);

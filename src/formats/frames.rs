@@ -117,18 +117,20 @@ pub(super) trait FrameSource {
 /// ```
 pub struct Frames {
     path: PathBuf,
-    /// The files that are read, which are other ones if they are compressed, and their names.
+    /// For each file: the path that is read, and the path that was given. They differ if the file
+    /// is compressed, because an unpacked copy is read.
     names: Vec<[PathBuf; 2]>,
     /// `None` after the last frame and after an error.
     source: Option<Source<'static>>,
 }
 
 impl Frames {
-    /// Opens a model file. The extension determines the format.
+    /// Opens a model file. The extension determines the format, unless [`ReadOptions::format`]
+    /// does.
     ///
     /// # Errors
     ///
-    /// The errors of [`super::read`], as far as they show before the first frame is read.
+    /// The errors of [`super::read`], that occur before the first frame is read.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Frames> {
         let format = match options.format {
             Some(_) => Format::External,

@@ -298,7 +298,8 @@ impl Monitor {
         all.then_some(QuietBounds { reference, affine })
     }
 
-    /// Returns true if the current frame would make a better reference.
+    /// Returns true if the current frame should become the reference: the present one is stale,
+    /// none is being built, and the back-off is over.
     pub fn wants_reference(&self) -> bool {
         let chunks = self.reference.as_ref().map_or(0, Reference::chunks);
         let stale = self.current.affine.is_none()

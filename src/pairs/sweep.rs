@@ -165,7 +165,8 @@ impl LinkSearch {
     }
 }
 
-/// Computes the extents of the small curves of a chunk that have boxes.
+/// Computes the bounds along the diagonals of the curves of a chunk that have a box and at most
+/// [`SMALL`] segments. The others are unbounded.
 #[inline(always)]
 fn extents<L: Lanes>(
     simd: L,
@@ -183,12 +184,12 @@ fn extents<L: Lanes>(
     }
 }
 
-/// Boxes sorted along an axis, structure of arrays. Each array ends with padding values that
-/// overlap nothing, so that eight values can be read from every position.
+/// Boxes sorted by their lower bounds along an axis, structure of arrays. `lo` and `hi` end with
+/// padding that overlaps nothing, so that eight values can be read from the index of any box.
 #[derive(Debug, Default)]
 struct Sweep {
-    /// Lower bounds as integers with the same order in the high bits, index of the box in the low
-    /// bits.
+    /// Sort keys. The high half orders the boxes by their lower bounds along the axis, the low half
+    /// is the index of the box.
     keys: Vec<u64>,
     /// Indices of the boxes, sorted by their lower bounds.
     order: Vec<u32>,

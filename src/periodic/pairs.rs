@@ -64,7 +64,8 @@ pub(crate) struct ImagePair {
 }
 
 impl ImagePair {
-    /// Returns the pair of curve `i` and curve `j` translated by `image`, in any order.
+    /// Returns the pair of curve `i` and curve `j` translated by `image`. Swaps the curves and
+    /// reverses the translation if the order of an [`ImagePair`] requires it.
     pub fn new(i: u32, j: u32, image: Image) -> ImagePair {
         let (i, j, image) = match i < j || i == j && image > Image::default() {
             true => (i, j, image),
@@ -74,7 +75,7 @@ impl ImagePair {
     }
 }
 
-/// The curves of a search.
+/// Curves and limits of a search for pairs.
 #[derive(Clone, Copy)]
 pub(crate) struct Searched<'a> {
     pub curves: &'a [Curve],

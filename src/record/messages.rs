@@ -21,7 +21,8 @@ pub(super) const DESCRIPTORS: &[u8] = include_bytes!("../../schemas/linkwatch.bi
 /// Package of the messages. Its last part is the version of the format.
 pub(super) const PACKAGE: &str = "linkwatch.v1";
 
-/// A value that is recorded as `S`, a part of the schema.
+/// Conversion between a type of the library and the type `S` of the schema, as which it is
+/// recorded.
 pub(super) trait Recorded<S>: Sized {
     fn record(&self) -> S;
     fn read(recorded: S) -> Result<Self>;

@@ -1,4 +1,4 @@
-//! The operations without special instructions.
+//! Portable implementation of the vector operations, without intrinsics.
 
 use super::{LANES, Lanes, PACKED, Row, Simd};
 use std::array::from_fn;

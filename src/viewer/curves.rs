@@ -162,8 +162,8 @@ impl Curves {
                 _ => (QUIET, if many { 0.35 } else { 0.8 }),
             };
             let mut lines = LineStrips3D::update_fields();
-            // A group without curves gets its style with the first one. One that never had a curve
-            // is unknown to the viewer.
+            // An empty group is styled when it gets its first curve. Until then it is not logged,
+            // because the viewer has nothing to replace.
             let restyled = !members.is_empty() && *known != Some(style);
             if !restyled && (known.is_none() || !changed) {
                 continue;

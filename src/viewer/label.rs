@@ -51,7 +51,7 @@ pub(super) fn place(set: &CurveSet, spots: &[&Spot], size: f64, text: &str, view
     };
     let tried = DISTANCES.into_iter();
     let tried = tried.flat_map(|far| DIRECTIONS.map(|d| (far, d)));
-    // The first of several with the same number.
+    // `min_by_key` returns the first minimum, so nearer labels are preferred.
     let best = tried.min_by_key(|&(far, direction)| hidden(center(far, direction)));
     let (far, direction) = best.expect("there are some");
     let in_scene = |[right, down]: [f64; 2]| {

@@ -321,7 +321,8 @@ impl Client {
         Ok(came?.is_some())
     }
 
-    /// Returns the first message that asks the simulator to stop; after the session the last one.
+    /// Returns the first message that asks the simulator to stop. After the session: the last
+    /// message of the watcher, if it asks the simulator to stop.
     fn aborted(&self, py: Python<'_>) -> PyResult<Option<Message>> {
         self.0.with(py, |state| {
             let Some(client) = &mut state.client else {

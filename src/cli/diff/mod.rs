@@ -11,7 +11,8 @@ use linkwatch::Result;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Settings of a run that change its verdicts, by their names in the metadata of a recording.
+/// Settings of a run that change its verdicts: the name in the metadata of a recording, and the
+/// value if the metadata lacks it.
 const RECORDED: [(&str, &str); 3] = [
     ("events", "unknown"),
     ("motion_limit", "unknown"),

@@ -85,7 +85,9 @@ impl Run {
             (true, true) => seq.saturating_sub(info.baseline),
             (false, false) => 0,
             // The recorder may have skipped frames for other reasons.
-            (false, true) => seq.saturating_sub(info.baseline).min(self.rejected),
+            (false, true) => seq
+                .saturating_sub(info.baseline)
+                .min(self.rejected_since_verified),
         };
         let begins_with_it = !self.begun && seq > 0 && seq == info.baseline;
         self.origin = Some(Origin {

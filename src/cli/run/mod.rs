@@ -154,7 +154,7 @@ pub struct Run {
     /// True if another process verified the previous frame.
     resumed: bool,
     /// Number of rejected frames after the last verified one.
-    rejected: u64,
+    rejected_since_verified: u64,
     /// Start of the run, by the system clock, which may be adjusted during the run, and by a
     /// monotonic clock.
     start: (SystemTime, Instant),
@@ -215,7 +215,7 @@ impl Run {
             open_curves: 0,
             steps: Steps::default(),
             resumed: false,
-            rejected: 0,
+            rejected_since_verified: 0,
             start: (SystemTime::now(), Instant::now()),
             last_check: None,
             tally: Counters::default(),
@@ -313,6 +313,7 @@ impl Run {
     /// Passes a frame to the sinks, and prints its new findings.
     pub fn publish(&mut self, judged: Judged) {
         match judged.report.verdict {
+            // The bus counts the frames of a simulator.
             _ if self.setup.live => {}
             Verdict::Rejected => self.tally.rejected += 1,
             _ => self.tally.verified += 1,
@@ -322,12 +323,12 @@ impl Run {
             junit.end_violation();
         }
         if judged.report.verdict == Verdict::Rejected {
-            self.rejected += 1;
+            self.rejected_since_verified += 1;
         } else {
             let has_step = self.begun || std::mem::take(&mut self.resumed);
             self.steps.count(has_step, judged.step);
             self.begin_baseline(&judged);
-            self.rejected = 0;
+            self.rejected_since_verified = 0;
             let stats = judged.report.stats;
             if std::mem::take(&mut self.is_new_run) {
                 self.warn_of_scene(&judged);

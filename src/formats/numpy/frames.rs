@@ -38,7 +38,8 @@ fn bad(what: impl std::fmt::Display) -> Error {
 }
 
 impl Layout {
-    /// Divides positions by the counts of the curves, if there are any.
+    /// Divides the points of a frame into curves: by `counts`, or else into equal closed curves. A
+    /// frame may have at most `limit` bytes.
     fn new(positions: &Array, counts: Option<Vec<i32>>, limit: u64) -> Result<Layout> {
         let shape = positions.shape_text();
         let supported = "frames x points x 3, points x 3 or frames x curves x points x 3";
@@ -63,7 +64,7 @@ impl Layout {
         if frames == 0 {
             return Err(bad(format_args!("shape {shape}, which has no frames")));
         }
-        // Compared with the length of the array, so that no later number overflows.
+        // Limited, so that the size of a frame in bytes does not overflow.
         const MOST: u64 = u32::MAX as u64;
         let Some(all @ 1..=MOST) = curves.checked_mul(points) else {
             let what = format!("shape {shape}, expected 1 to {MOST} points in a frame");

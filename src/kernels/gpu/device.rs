@@ -27,6 +27,7 @@ pub(super) struct Adapter {
     pub buffers: HashMap<Buffer, wgpu::Buffer>,
     /// True if the adapter is lost or has failed once.
     pub lost: Arc<AtomicBool>,
+    /// First error that wgpu reported outside of an error scope, until it is taken.
     uncaptured: Arc<Mutex<Option<String>>>,
     /// Maximum size of a buffer in bytes.
     pub max_buffer_bytes: u64,

@@ -588,7 +588,7 @@ class Checker:
             raise ValueError(f"frame {frame.seq} has the basis {frame.basis}, not {self._basis}")
         raw = self.session._session
         if self._verified and not self._verified[1]:
-            # Curves without names cannot be described again.
+            # Without names, the curves must keep the description of the last verified frame.
             _, _, of_curves, by_default = self._verified
             why = None
             if not frame.names and radii != of_curves:
@@ -601,8 +601,8 @@ class Checker:
             if why is not None:
                 radii, why = of_curves, frame.rejected or why
                 frame = frame.invalid(why, names=[], closed_by_default=by_default)
-        counts = frame.counts if frame.names else None
-        described = counts, frame.names, radii, frame.closed_by_default
+        described_counts = frame.counts if frame.names else None
+        described = described_counts, frame.names, radii, frame.closed_by_default
         if described != self._described:
             raw.describe(*described[1:])
             self._described = described

@@ -29,7 +29,7 @@ fn add(tree: &Tree, node: Node, vertices: Range<u32>, out: &mut Vec<Packed>) -> 
     const UP: f64 = 1.0 + 2.0 * f32::EPSILON as f64;
     let reach = &tree.reach[node.place as usize];
     let radius = reach.radius * UP;
-    // Without a radius or a length all moments are 0.
+    // The reciprocal of 0 is replaced by 0, because all moments are 0 without radius or length.
     let over = |x: f64| if x > 0.0 { 1.0 / x } else { 0.0 };
     let square = over(radius * radius);
     let high = reach.centre.map(|x| x as f32);

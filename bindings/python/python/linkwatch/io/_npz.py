@@ -91,7 +91,8 @@ def write(
 
 
 class _Part:
-    """Frames of the same curves, whose positions wait in a temporary file for their number."""
+    """Frames of the same curves, for one archive. A temporary file holds the positions, because the
+    header before them in the archive has the number of frames."""
 
     def __init__(self, path: Path, first: Frame) -> None:
         self.path = path
