@@ -177,6 +177,9 @@ def test_a_check_of_a_path_unwraps_it(tmp_path):
         for k in range(6)
     ]
     (path,) = linkwatch.write(frames, tmp_path / "torn.npz")
-    with pytest.raises(ValueError, match="torn"):
+    with pytest.raises(ValueError, match="torn") as error:
         linkwatch.check(path)
+    # Regression test: the message named the option of `read`, which does not help here.
+    assert "pass the option `wrapped`" in str(error.value)
+    assert "`unwrap" not in str(error.value)
     assert linkwatch.check(path, wrapped=True).verdict == "intact"

@@ -76,7 +76,13 @@ def frames_of(
         if name not in inspect.signature(read).parameters:
             kind = type(given).__name__
             raise TypeError(f"there is no option {name!r} for frames of this kind ({kind})")
-    return read(*args, **options)
+    try:
+        return read(*args, **options)
+    except ValueError as why:
+        if "`unwrap" not in str(why):
+            raise
+        # Here the option has the name that it has for a session.
+        raise ValueError(str(why).replace("`unwrap", "`wrapped")) from None
 
 
 def frames_in_memory(
