@@ -388,7 +388,7 @@ fn the_frame_after_a_cut_may_have_any_images_of_its_curves() {
             let in_cell = |x: f64| x.rem_euclid(10.0);
             let [a, b] = [(x, [0, 1]), (x + 0.3, [0, 2])]
                 .map(|(x, axes)| ring([in_cell(x), 5.0, 5.0], axes, 16));
-            let report = session.step(seq, &Arc::new(curves(&[a, b], 0))).report;
+            let report = session.step(seq, Arc::new(curves(&[a, b], 0))).report;
             assert_eq!(
                 report.verdict,
                 Verdict::Intact,
