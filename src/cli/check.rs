@@ -85,7 +85,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let options = ReadOptions {
         keep_order: args.keep_order,
         one_motion: args.one_motion,
-        ..args.format.options(&args.cell_args)?
+        ..args.format.options(&args.cell_args)
     };
     let name = models[0].display().to_string();
     let metadata = BTreeMap::from([("models".to_owned(), models.len().to_string())]);

@@ -13,7 +13,7 @@ use linkwatch::{
     homotopic_polylines,
 };
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 /// Rewrite the frames of model files or of a recording in another format
@@ -66,7 +66,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let options = ReadOptions {
         keep_order: args.keep_order,
         one_motion: args.one_motion,
-        ..args.format.options(&args.cell_args)?
+        ..args.format.options(&args.cell_args)
     };
     let mut cells = Cells::new(args.format.cell_args(args.cell_args));
     let part = match &inputs[..] {
@@ -102,14 +102,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     };
     let mut older = Vec::new();
     if numbered {
-        let pattern = output.with_extension("");
-        let pattern = glob::Pattern::escape(&pattern.to_string_lossy());
-        let extension = output.extension().unwrap_or_default().to_string_lossy();
-        let pattern = format!("{pattern}-[0-9][0-9][0-9][0-9][0-9]*.{extension}");
-        let found = glob::glob(&pattern).into_iter().flatten().flatten();
-        let mut named: BTreeMap<_, _> = found
-            .map(|file| (file.file_name().map(OsStr::to_owned), file))
-            .collect();
+        let mut named = numbered_files(output);
         for frame in frames {
             let frame = frame?;
             if !converter.is_valid(&frame) {
@@ -157,6 +150,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let is_whole = converter.invalid.is_empty() && converter.left_out.is_empty();
     let lost = !is_whole || converter.continues;
     Ok(Outcome::undecided_if(lost || converter.undecided))
+}
+
+/// Returns the existing files, by their names, that have the name of the output with a number.
+fn numbered_files(output: &Path) -> BTreeMap<Option<OsString>, PathBuf> {
+    let stem = output.with_extension("");
+    let stem = glob::Pattern::escape(&stem.to_string_lossy());
+    let extension = output.extension().unwrap_or_default().to_string_lossy();
+    let pattern = format!("{stem}-[0-9][0-9][0-9][0-9][0-9]*.{extension}");
+    let found = glob::glob(&pattern).into_iter().flatten().flatten();
+    let named = found.map(|file| (file.file_name().map(OsStr::to_owned), file));
+    named.collect()
 }
 
 /// Returns the names of files as arguments of a shell.

@@ -71,7 +71,7 @@ impl FrameArgs {
     ) -> Result<Outcome> {
         let mut outcome = Outcome::Fine;
         let mut failed = None;
-        let options = self.format.options(&self.cell_args)?;
+        let options = self.format.options(&self.cell_args);
         for files in models {
             let selected = Selected::open(files, self, &options);
             match selected.and_then(|frames| frames.each(single, &mut run)) {

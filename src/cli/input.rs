@@ -64,8 +64,8 @@ impl FormatArgs {
     }
 
     /// Returns the options of a reader.
-    pub fn options(&self, cells: &CellArgs) -> Result<ReadOptions> {
-        Ok(ReadOptions {
+    pub fn options(&self, cells: &CellArgs) -> ReadOptions {
+        ReadOptions {
             bonds: self.bonds.clone(),
             counts: self.counts.clone(),
             closed: self.closed,
@@ -77,7 +77,7 @@ impl FormatArgs {
             one_motion: true,
             select: self.select.clone(),
             format: self.format.clone(),
-        })
+        }
     }
 }
 

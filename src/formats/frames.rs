@@ -130,7 +130,7 @@ impl Frames {
     ///
     /// # Errors
     ///
-    /// The errors of [`super::read`], that occur before the first frame is read.
+    /// The errors of [`super::read`] that occur before the first frame is read.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Frames> {
         let format = match options.format {
             Some(_) => Format::External,
