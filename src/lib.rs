@@ -189,7 +189,7 @@ pub use bus::{Event, Frame, LastLabels, Sidecar, SidecarOptions, SidecarState};
 pub use certificate::{Certificate, Comparison};
 #[cfg(feature = "cli")]
 #[doc(hidden)] // For the binary and the Python package of this repository only.
-pub use cli::{run_command, sort_by_number};
+pub use cli::{FileReader, run_command, sort_by_number};
 pub use curve::{Basis, Cell, CurveLabels, Image, Point, Positions, Precision};
 #[cfg(feature = "verify")]
 pub use curve::{Curve, CurveSet};

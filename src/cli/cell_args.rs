@@ -1,7 +1,7 @@
 //! The options `--cell`, `--wrapped` and `--keep-open` of every command that reads frames.
 
 use super::output::plural_of;
-use linkwatch::formats::ModelFrame;
+use linkwatch::formats::{ModelFrame, ReadOptions};
 use linkwatch::{
     Cell, Closing, ClosingKind, ClosingNote, CurveSet, CurveSource, FrameInfo, LeftOut, Result,
     Unwrap,
@@ -69,6 +69,15 @@ fn given_cell(text: &str) -> Result<GivenCell> {
 }
 
 impl CellArgs {
+    /// Returns the options that a reader has.
+    pub fn of(options: &ReadOptions) -> CellArgs {
+        CellArgs {
+            cell: CellArg { cell: options.cell },
+            wrapped: options.wrapped,
+            keep_open: options.keep_open || options.closed == Some(false),
+        }
+    }
+
     /// Returns true if the user gave an option.
     pub fn are_given(&self) -> bool {
         self.given().is_some() || self.wrapped.is_some()

@@ -1,11 +1,12 @@
 //! `linkwatch convert`: rewrites the frames of model files and recordings in another format.
 
-use super::cell_args::{CellArgs, Cells};
+use super::cell_args::CellArgs;
 use super::files::{Content, Files, Overwrite, with_suffix, write_whole};
 use super::input::{self, FormatArgs};
+use super::motion::{Motion, cut_at_gaps};
 use super::output::{self, count, plural};
 use super::run::MOTION_LIMIT;
-use super::sequence::{Frame, Sequence};
+use super::sequence::Frame;
 use super::{Outcome, recorded};
 use linkwatch::formats::{Format, FrameWriter, ModelFrame, ReadOptions};
 use linkwatch::{
@@ -68,25 +69,16 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         one_motion: args.one_motion,
         ..args.format.options(&args.cell_args)
     };
-    let mut cells = Cells::new(args.format.cell_args(args.cell_args));
     let part = match &inputs[..] {
         [one] => recorded::part(one).map(|part| part.number),
         _ => None,
     };
-    let mut sequence = Sequence::new(&inputs, options)?;
-    let mut frames = sequence.by_ref().filter_map(|frame| match frame {
-        Ok(frame) if frame.begins_run => Some(Err(usage!(
-            "{}: this file and one before it have several frames each, so they may be runs of \
-             their own: convert each alone, or give --one-motion",
-            frame.path.display()
-        ))),
-        Ok(frame) if args.frame.is_some_and(|seq| seq != frame.info.seq) => {
-            // The first frame decides which curves are closed.
-            settle(frame, &mut cells);
-            None
-        }
-        frame => Some(frame.map(|frame| settle(frame, &mut cells))),
-    });
+    let mut motion = Motion::new(&inputs, options)?;
+    let is_chosen = |frame: &Result<Frame>| match (frame, args.frame) {
+        (Ok(frame), Some(seq)) => frame.info.seq == seq,
+        _ => true,
+    };
+    let mut frames = motion.by_ref().filter(is_chosen);
     let Some(first) = frames.next().transpose()? else {
         let seq = args.frame.map(|seq| format!(" {seq}"));
         return Err(usage!("the input has no frame{}", seq.unwrap_or_default()));
@@ -144,8 +136,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         );
     }
     converter.check_frames()?;
-    converter.ends_in_gap = sequence.ends_in_gap();
-    converter.continues = args.frame.is_none() && sequence.warn_of_unfinished();
+    converter.ends_in_gap = motion.sequence.ends_in_gap();
+    converter.continues = args.frame.is_none() && motion.sequence.warn_of_unfinished();
     converter.print(output, numbered, json);
     let is_whole = converter.invalid.is_empty() && converter.left_out.is_empty();
     let lost = !is_whole || converter.continues;
@@ -171,15 +163,6 @@ fn quoted(files: &[PathBuf]) -> String {
         name => format!("'{}'", name.replace('\'', r"'\''")),
     };
     files.iter().map(quote).collect::<Vec<_>>().join(" ")
-}
-
-/// Returns a frame with the cell that the user chose, and curves that are closed and unwrapped.
-fn settle(mut frame: Frame, cells: &mut Cells) -> Frame {
-    let settled = frame.curves.and_then(|set| cells.settle(set, &frame.info));
-    frame.curves = settled;
-    cells.say(&frame.name);
-    frame.info.cell = cells.args.cell(frame.info.cell);
-    frame
 }
 
 /// Frames to convert.
@@ -263,18 +246,12 @@ impl Converter {
         mut write: impl FnMut(CurveSet, FrameInfo) -> Result<()>,
     ) -> Result<()> {
         for frame in frames {
-            let frame = frame?;
-            if frame.after_gap {
-                let kind = ["gap in a recording", "gaps in a recording"];
-                LeftOut::add(&mut self.gaps, kind, || frame.name.clone());
-            }
+            let mut frame = frame?;
+            cut_at_gaps(&mut frame, &mut self.gaps);
             if !self.is_valid(&frame) {
                 continue;
             }
-            let mut info = frame.info;
-            let gaps: u64 = self.gaps.iter().map(|gap| gap.count).sum();
-            info.cuts = info.cuts.wrapping_add(gaps as u32);
-            info.left_out.extend_from_slice(&self.gaps);
+            let info = frame.info;
             LeftOut::merge(&mut self.left_out, &info.left_out);
             let is_cut = self.cuts.replace(info.cuts).is_some_and(|n| n != info.cuts);
             if is_cut && !self.target.is_none_or(Format::holds_cuts) {

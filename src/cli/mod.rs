@@ -25,6 +25,7 @@ mod diff;
 mod each;
 mod event_args;
 mod explain;
+mod file_reader;
 mod files;
 mod frames;
 mod generate;
@@ -34,6 +35,7 @@ mod live;
 mod man;
 mod measure;
 mod metrics;
+mod motion;
 mod number;
 mod open;
 mod order;
@@ -52,6 +54,7 @@ mod source;
 mod stream;
 mod watch;
 
+pub use file_reader::FileReader;
 pub use order::sort_by_number;
 
 use clap::{ArgAction, Parser, Subcommand};

@@ -91,7 +91,7 @@ impl ModelFrame {
 pub(super) type Source<'a> = Box<dyn FrameSource + 'a>;
 
 /// A reader of one format.
-pub(super) trait FrameSource {
+pub(super) trait FrameSource: Send {
     /// Reads the next frame. `None` at the end of the file.
     ///
     /// # Errors

@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Bytes of a file that is to be read.
 pub(super) struct Input<'a> {
-    pub bytes: Box<dyn BufRead + 'a>,
+    pub bytes: Box<dyn BufRead + Send + 'a>,
     pub len: u64,
     /// Name of the file, for the log.
     pub name: String,

@@ -14,7 +14,7 @@ pub(super) struct Lines<'a> {
     format: &'static str,
     /// Name of the file, for the log.
     pub name: String,
-    input: Box<dyn BufRead + 'a>,
+    input: Box<dyn BufRead + Send + 'a>,
     /// The line, without the line break.
     pub line: Vec<u8>,
     /// Number of the line, from 1.

@@ -4,6 +4,7 @@
 mod call;
 mod certificate;
 mod client;
+mod files;
 mod frame;
 mod reader;
 mod result;
@@ -21,6 +22,7 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<certificate::Certificate>()?;
     module.add_class::<session::Session>()?;
     module.add_class::<client::Client>()?;
+    module.add_class::<files::FileReader>()?;
     module.add_class::<client::Message>()?;
     module.add_function(wrap_pyfunction!(session::certify, module)?)?;
     module.add_function(wrap_pyfunction!(frame::decided_counts, module)?)?;

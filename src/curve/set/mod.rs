@@ -148,7 +148,7 @@ impl CurveSet {
 
     /// Returns the positions of all control points, in the order of the input.
     #[inline]
-    pub(crate) fn positions(&self) -> Positions<'_> {
+    pub fn positions(&self) -> Positions<'_> {
         self.received.positions()
     }
 

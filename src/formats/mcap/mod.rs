@@ -37,7 +37,7 @@ use prost::bytes::Bytes;
 use std::collections::{BTreeMap, HashMap};
 use std::io::{Read, Seek};
 use std::path::Path;
-use std::rc::Rc;
+use std::sync::Arc;
 
 const FORMAT: &str = "MCAP file";
 const NO_CURVES: &str = "no curves are left in this frame";
@@ -62,17 +62,17 @@ const UNREAD: [&str; 10] = [
 ];
 
 /// Decodes a message of a channel. The error is in words.
-type Decode = Rc<dyn Fn(&[u8]) -> Result<Update, String>>;
+type Decode = Arc<dyn Fn(&[u8]) -> Result<Update, String> + Send + Sync>;
 
 /// Returns the function that decodes the messages of a channel. `None` if they have no curves, an
 /// error in words if curves are encoded in a way that is not read.
 fn decoder((name, text): &Schema, encoding: &str) -> Option<Result<Decode, String>> {
     Some(Ok(match (name.as_str(), encoding) {
-        (SCENE_UPDATE, "protobuf") => Rc::new(scene::protobuf),
-        (SCENE_UPDATE, "json") => Rc::new(scene::json),
+        (SCENE_UPDATE, "protobuf") => Arc::new(scene::protobuf),
+        (SCENE_UPDATE, "json") => Arc::new(scene::json),
         (MARKER_ARRAY | MARKER, "cdr") => {
             let (layout, is_array) = (Layout::of(text), name == MARKER_ARRAY);
-            Rc::new(move |message| markers::read(message, layout, is_array))
+            Arc::new(move |message| markers::read(message, layout, is_array))
         }
         (SCENE_UPDATE | MARKER_ARRAY | MARKER, other) => {
             let what = "is not read: protobuf and json of Foxglove are, and cdr of ROS 2";
@@ -324,7 +324,7 @@ impl<R: Read + Seek> McapFrames<R> {
     }
 }
 
-impl<R: Read + Seek> FrameSource for McapFrames<R> {
+impl<R: Read + Seek + Send> FrameSource for McapFrames<R> {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
         while let Some(message) = self.next_message()? {
             let time = message.time();

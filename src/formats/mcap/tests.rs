@@ -35,7 +35,7 @@ fn messages(name: &str) -> Vec<(Decode, Vec<u8>)> {
         if let container::Content::Message(channel, _, body) = content
             && let (_, Some(decode)) = &channels.channels[&channel]
         {
-            messages.push((Rc::clone(decode), body.into()));
+            messages.push((Arc::clone(decode), body.into()));
         }
     }
     messages

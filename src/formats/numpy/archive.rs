@@ -11,7 +11,7 @@ use rawzip::{
 };
 use std::fmt::Display;
 use std::io::{BufReader, Read};
-use std::rc::Rc;
+use std::sync::Arc;
 
 /// Maximum number of arrays. Their names are compared with one another.
 const MOST_ARRAYS: usize = 10_000;
@@ -68,7 +68,7 @@ impl Member {
 
 /// An archive whose directory was read.
 pub(super) struct Archive<R> {
-    zip: ZipArchive<Rc<R>>,
+    zip: ZipArchive<Arc<R>>,
     len: u64,
     members: Vec<Member>,
 }
@@ -85,11 +85,11 @@ fn wrong<W: Display>(what: W) -> impl FnOnce(rawzip::Error) -> Error {
     }
 }
 
-impl<R: ReaderAt> Archive<R> {
+impl<R: ReaderAt + Send + Sync> Archive<R> {
     /// Reads the directory of an archive of `len` bytes.
     pub fn open(input: R, len: u64) -> Result<Self> {
         let mut buffer = vec![0; RECOMMENDED_BUFFER_SIZE];
-        let zip = ZipLocator::new().locate_in_reader(Rc::new(input), &mut buffer, len);
+        let zip = ZipLocator::new().locate_in_reader(Arc::new(input), &mut buffer, len);
         let zip = zip.map_err(|(_, e)| {
             wrong("no end of a directory: the file is truncated, or no zip archive")(e)
         })?;
@@ -131,7 +131,7 @@ impl<R: ReaderAt> Archive<R> {
     }
 
     /// Returns a reader of a member, which compares the checksum at the end.
-    pub fn content<'a>(&self, member: &Member) -> Result<impl Read + use<'a, R>>
+    pub fn content<'a>(&self, member: &Member) -> Result<impl Read + Send + use<'a, R>>
     where
         R: 'a,
     {
@@ -143,9 +143,9 @@ impl<R: ReaderAt> Archive<R> {
             let what = format!("array {name} of {} bytes reaches beyond", end - start);
             return Err(bad(format_args!("{what} the file of {} bytes", self.len)));
         }
-        let stored = RangeReader::new(Rc::clone(self.zip.get_ref()), start..end);
+        let stored = RangeReader::new(Arc::clone(self.zip.get_ref()), start..end);
         let stored = BufReader::with_capacity(1 << 16, stored);
-        let content: Box<dyn Read + 'a> = match member.deflated {
+        let content: Box<dyn Read + Send + 'a> = match member.deflated {
             true => Box::new(DeflateDecoder::new(stored)),
             false => Box::new(stored),
         };

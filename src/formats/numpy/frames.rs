@@ -176,7 +176,7 @@ impl<R: Read> ArrayFrames<R> {
     }
 }
 
-impl<R: Read> FrameSource for ArrayFrames<R> {
+impl<R: Read + Send> FrameSource for ArrayFrames<R> {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
         let frame = self.next;
         if frame == self.layout.frames {

@@ -31,7 +31,10 @@ const CELLS: &str = "\
 
 /// Returns what the writer of the archive left out, and counts the arrays of other names that may
 /// hold points of curves, or a cell if `has_cell` is false.
-pub(super) fn left_out(archive: &Archive<impl ReaderAt>, has_cell: bool) -> Result<Vec<LeftOut>> {
+pub(super) fn left_out(
+    archive: &Archive<impl ReaderAt + Send + Sync>,
+    has_cell: bool,
+) -> Result<Vec<LeftOut>> {
     let mut list = Vec::new();
     if let Some(said) = Values::find(archive, "left_out")? {
         for text in said.texts()? {
@@ -100,7 +103,7 @@ fn may_hold_points(array: &Array) -> bool {
 }
 
 /// Reads the arrays of these names that a file has.
-pub(super) fn read(archive: &Archive<impl ReaderAt>) -> Result<Others> {
+pub(super) fn read(archive: &Archive<impl ReaderAt + Send + Sync>) -> Result<Others> {
     let find = |name| Values::find(archive, name);
     let (counts, basis) = (find("counts")?, find("basis")?);
     let (times, seq, cuts) = (find("times")?, find("seq")?, find("cuts")?);
@@ -132,7 +135,10 @@ struct Values {
 }
 
 impl Values {
-    fn find(archive: &Archive<impl ReaderAt>, name: &'static str) -> Result<Option<Values>> {
+    fn find(
+        archive: &Archive<impl ReaderAt + Send + Sync>,
+        name: &'static str,
+    ) -> Result<Option<Values>> {
         let Some(member) = archive.find(name) else {
             return Ok(None);
         };

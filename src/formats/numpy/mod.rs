@@ -80,7 +80,7 @@ pub(super) fn open_npz(path: &Path, options: &ReadOptions) -> Result<Source<'sta
 
 /// Reads the arrays of an `.npz` file of this length, up to the positions of the first frame.
 pub(super) fn read_npz<'a>(
-    file: impl ReaderAt + 'a,
+    file: impl ReaderAt + Send + Sync + 'a,
     len: u64,
     options: &ReadOptions,
 ) -> Result<Source<'a>> {

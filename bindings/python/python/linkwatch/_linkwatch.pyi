@@ -1,5 +1,5 @@
+from collections.abc import Sequence
 from os import PathLike
-
 from typing import Any, overload
 
 import numpy as np
@@ -13,6 +13,16 @@ def command(args: list[str], reader: Any) -> int: ...
 def sorted_by_number(paths: list[PathLike[str]]) -> list[str]: ...
 def reduced_cell(numbers: list[float]) -> list[list[float]]: ...
 
+Described = tuple[list[int], str, list[str], list[float]]
+Row = tuple[
+    str,
+    int,
+    float,
+    int,
+    list[list[float]] | None,
+    tuple[npt.NDArray[Any], Described | None] | None,
+    str | None,
+]
 Frame = tuple[npt.NDArray[Any], list[int], str, list[float] | None]
 
 def certify(
@@ -42,6 +52,22 @@ def diagram(frame: Frame, groups: bool) -> tuple[list[Diagram], list[str]]: ...
 def gauss(
     frame: Frame, pairs: list[tuple[int, int]] | None, tolerance: float
 ) -> tuple[list[float], list[float]]: ...
+
+class FileReader:
+    def __init__(
+        self,
+        files: Sequence[PathLike[str]],
+        flags: tuple[bool | None, bool | None, bool, bool],
+        cell_numbers: list[float] | None,
+        ignores_cell: bool,
+        counts: list[int] | None,
+        topic: str | None,
+        bonds: PathLike[str] | None,
+    ) -> None: ...
+    def next(self) -> Row | None: ...
+    def messages(self) -> list[str]: ...
+    def left_out(self) -> list[tuple[str, str]]: ...
+    def ending(self) -> tuple[int | None, bool, bool]: ...
 
 class Certificate:
     curves: int

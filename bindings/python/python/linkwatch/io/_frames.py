@@ -132,9 +132,12 @@ class Frames:
         length: int | None = None,
     ) -> None:
         self.path = path
-        self.summary = summary
+        #: The summary, as far as frames were read.
+        self.known = summary
         #: Number of frames; ``None`` if the file has to be read to count them.
         self.length = length
+        #: Returns the number of frames, and completes the summary. Reads all frames if need be.
+        self.count: Callable[[], int] | None = None
         #: Number of files that have several frames each, and may be runs of their own.
         self.runs = 0
         #: Reads the frames from one number to another alone, if the format can.
@@ -145,17 +148,30 @@ class Frames:
         self.kind = "file"
         self._load = load
 
+    @property
+    def summary(self) -> Summary:
+        """What was read, and what was not. Files that the command reads are read for it as a whole,
+        unless they were already."""
+        self._count()
+        return self.known
+
+    def _count(self) -> None:
+        """Completes the length and the summary."""
+        if self.length is None and self.count is not None:
+            self.length = self.count()
+
     def __iter__(self) -> Iterator[Frame]:
-        self.summary.rejected.clear()
+        self.known.rejected.clear()
         for frame in self._load():
             if frame.rejected is not None:
-                self.summary.rejected.append(f"frame {frame.seq} is invalid: {frame.rejected}")
-            left_out = tuple(self.summary.left_out)
+                self.known.rejected.append(f"frame {frame.seq} is invalid: {frame.rejected}")
+            left_out = tuple(self.known.left_out)
             if frame.left_out != left_out:
                 frame = dataclasses.replace(frame, left_out=left_out)
             yield frame
 
     def __len__(self) -> int:
+        self._count()
         if self.length is None:
             raise TypeError(f"{self.path}: the number of frames is known when all were read")
         return self.length

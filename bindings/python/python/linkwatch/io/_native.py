@@ -1,54 +1,34 @@
-"""Files that the command reads itself, through an archive that it writes."""
+"""Files that the command reads itself, by its own readers."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
-import subprocess
-import sys
-import tempfile
-import zipfile
-from pathlib import Path
+import itertools
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import _arguments as arguments
+from .. import _linkwatch
 from ._curves import is_dump
 from ._frames import Frame, Frames, Summary
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from typing import Any
+    from pathlib import Path
 
-    from ._curves import Array, Options
+    from ._curves import Options
 
 
 def read(paths: Sequence[Path], options: Options) -> Frames:
-    """Opens files by ``linkwatch convert``."""
-    words = [sys.executable, "-m", "linkwatch", "convert", "--json"]
-    for option, value in (("closed", options.closed), ("wrapped", options.unwrap)):
-        if value is not None:
-            words.append(f"--{option}={str(value).lower()}")
-    if options.keep_open:
-        words.append("--keep-open")
-    if options.keep_order:
-        words.append("--keep-order")
-    if options.counts is not None:
-        words.append(f"--counts={','.join(map(str, arguments.integers(options.counts)))}")
-    if options.topic is not None:
-        words.append(f"--topic={options.topic}")
-    if options.cell == "none":
-        words.append("--cell=none")
-    elif (cell := options.cell_or(None)) is not None:
-        words.append(f"--cell={','.join(map(repr, cell.ravel().tolist()))}")
+    """Opens files, of which a LAMMPS data file comes before its dumps."""
+    bonds = None
     if len(paths) > 1 and not is_dump(paths[0]) and all(map(is_dump, paths[1:])):
-        # As a topology comes before its trajectories.
-        words += ["--bonds", str(paths[0])]
-        paths = paths[1:]
+        bonds, *paths = paths
     if len(paths) > 1 and options.one_motion:
-        return _chained([_converted(words, [path], is_alone=False) for path in paths])
-    return _converted(words, paths)
+        return _chained([_opened([path], bonds, options, is_alone=False) for path in paths])
+    return _opened(paths, bonds, options)
 
 
 def _chained(parts: list[Frames]) -> Frames:
@@ -67,7 +47,7 @@ def _chained(parts: list[Frames]) -> Frames:
     for part, number_after in zip(parts, [*numbers[1:], 0]):
         if part.summary.continues and number_after in (0, 1):
             part.summary.left_out.append(f"files of the run after {part.path.name}")
-    summary = parts[0].summary
+    summary = dataclasses.replace(parts[0].summary)
     for said in ("left_out", "notes"):
         every = [one for part in parts for one in getattr(part.summary, said)]
         setattr(summary, said, list(dict.fromkeys(every)))
@@ -88,130 +68,141 @@ def _chained(parts: list[Frames]) -> Frames:
     return Frames(parts[0].path, load, summary, sum(map(len, parts)))
 
 
-def _converted(words: list[str], paths: Sequence[Path], is_alone: bool = True) -> Frames:
-    """Opens files by ``linkwatch convert``; its archives are on the disk while they are read.
+# Kind of element that counts as left out if the first file of a recording is missing.
+LATER_FILES = "runs without their first file"
 
-    ``is_alone`` is false if the caller also reads the other files of the recording.
-    """
-    # The archives are mapped to memory, so they exist until the frames are deleted.
-    with tempfile.TemporaryDirectory(prefix="linkwatch-") as folder:
-        archive = Path(folder) / "frames.npz"
-        words = [*words, *map(str, paths), str(archive)]
-        ended = subprocess.run(words, capture_output=True, text=True, check=False)
-        # Lines are an error, or begin with a level. Options have the names of Python here.
-        errors = ended.stderr.replace("option `--", "option `").replace("`wrapped", "`unwrap")
-        errors = errors.replace("--wrapped", "`unwrap`").replace("`--cell ", "`cell=")
-        errors = errors.replace("give --one-motion", "pass the option `one_motion`")
-        said = [line.strip().split(maxsplit=1) for line in errors.splitlines()]
-        if not ended.stdout:
-            lines = [" ".join(words[words[0] in LEVELS :]) for words in said if words]
-            raise ValueError("; ".join(lines).removeprefix("error: "))
-        result = json.loads(ended.stdout.splitlines()[-1])
-        # Each map takes a file descriptor.
-        maps = len(result["files"]) <= 100
-        archives = [_Archive(Path(path), maps) for path in result["files"]]
-        frames = _opened(archives, paths[0], result["invalid_frames"])
-    summary = frames.summary
-    summary.part, summary.ends_in_gap = result["part"], result["ends_in_gap"]
-    summary.continues = result["continues"]
-    summary.left_out += [
-        f"{found['count']} {found['kind']} (the first one: {found['first']})"
-        for found in result["left_out"]
-        if is_alone or found["kind"] != LATER_FILES
-    ]
-    if is_alone and summary.continues:
-        summary.left_out.append(f"files of the run after {paths[-1].name}")
-    for level, *rest in filter(None, said):
-        # Invalid frames are errors, and rejected when they are read.
-        if level != "ERROR" and not any(known in rest[0] for known in KNOWN):
-            summary.notes += rest
+# Parts of messages whose content is in the summary as well.
+KNOWN = ("not read, so not verified", "the run continues in")
+
+
+# Formats of one frame a file.
+OF_ONE_FRAME = (".bcc", ".obj", ".vect")
+
+
+def _opened(
+    paths: Sequence[Path], bonds: Path | None, options: Options, is_alone: bool = True
+) -> Frames:
+    """Opens files that are read together. ``is_alone`` is false if the caller also reads the other
+    files of the recording."""
+    files = _Files(paths, bonds, options, is_alone)
+    frames = Frames(paths[0], files.load, files.summary)
+    frames.count, frames.part = files.count, files.part
+    if len(paths) > 1 and paths[0].suffix.lower() not in OF_ONE_FRAME:
+        # Files that are runs of their own are an error, which only reading them shows.
+        len(frames)
     return frames
 
 
-# Kind of element that the command counts as left out if the first file of a recording is missing.
-LATER_FILES = "runs without their first file"
+class _Files:
+    """Files that are read together: see :func:`_opened`."""
 
-# Parts of lines on stderr whose content is in the result as well.
-KNOWN = ("not read, so not verified", "the run continues in")
+    def __init__(
+        self, paths: Sequence[Path], bonds: Path | None, options: Options, is_alone: bool
+    ) -> None:
+        self.paths, self.bonds, self.options, self.is_alone = paths, bonds, options, is_alone
+        self.summary = Summary()
+        #: Number of frames, once all were read.
+        self._length: int | None = None
+        # The first frame tells if the files can be read, and how many curves they have.
+        frames = self._new()
+        first = next(frames)
+        self._begun: Iterator[Frame] | None = itertools.chain([first], frames)
+        #: Frames that :meth:`part` reads, the last one of them, and how many it read.
+        self._rest: Iterator[Frame] = iter(())
+        self._last, self._done = first, -1
 
-# Levels of the lines on stderr.
-LEVELS = ("WARN", "INFO", "ERROR")
+    def load(self) -> Iterator[Frame]:
+        """Returns the frames. The first time, they are those that were begun."""
+        begun, self._begun = self._begun, None
+        return self._new() if begun is None else begun
 
+    def count(self) -> int:
+        """Returns the number of frames. The summary is complete then."""
+        if self._length is None:
+            self._length = sum(1 for _ in self.load())
+        return self._length
 
-class _Archive:
-    """An archive of the command. All of its frames have the same curves."""
+    def part(self, start: int, stop: int) -> Iterator[Frame]:
+        """Yields the frames from one number to another. Goes on from the last call if it can."""
+        if not 0 <= self._done <= start + 1:
+            self._rest, self._done = self.load(), 0
+        for number in range(start, stop):
+            while self._done <= number:
+                self._last = next(self._rest)
+                self._done += 1
+            yield self._last
 
-    def __init__(self, path: Path, maps: bool) -> None:
-        with np.load(path) as arrays:
-            self.counts = arrays["counts"].tolist()
-            self.names = [str(name) for name in arrays["names"]] if "names" in arrays else []
-            self.radii = arrays["radii"].tolist() if "radii" in arrays else []
-            self.basis = str(arrays["basis"])
-            keys = ("times", "seq", "cell", "cuts")
-            self.others = {key: arrays[key] for key in keys if key in arrays}
-            self.positions = _mapped(path) if maps else arrays["positions"]
-        self.numbers = self.others.get("seq", np.arange(len(self.positions))).tolist()
-
-    def frame(self, k: int) -> Frame:
-        """Returns the frame at an index."""
-        others, cell = self.others, self.others.get("cell")
-        return Frame(
-            np.array(self.positions[k]).reshape(-1, 3),
-            self.counts,
-            self.basis,
-            self.names,
-            self.radii,
-            None if cell is None else cell[k] if cell.ndim == 3 else cell,
-            self.numbers[k],
-            float(others["times"][k]) if "times" in others else 0.0,
-            cuts=int(others["cuts"][k]) if "cuts" in others else 0,
+    def _new(self) -> Iterator[Frame]:
+        """Opens the files, and yields each frame when the next one was read: with the last one, the
+        summary is complete."""
+        options, cell = self.options, self.options.cell_or(None)
+        reader = _linkwatch.FileReader(
+            self.paths,
+            (options.closed, options.unwrap, options.keep_open, options.keep_order),
+            None if cell is None else arguments.twelve(cell),
+            isinstance(options.cell, str) and options.cell == "none",
+            None if options.counts is None else arguments.integers(options.counts),
+            options.topic,
+            self.bonds,
         )
+        summary, repeated = self.summary, list[str]()
+        summary.notes.clear()
+        before, number = None, 0
+        for number, frame in enumerate(_valid(reader, repeated), 1):
+            if before is None:
+                summary.curves, summary.closed = len(frame.counts), sum(frame.closed)
+            else:
+                yield before
+            before = frame
+            self._note(reader, repeated)
+        if before is None:
+            raise ValueError("; ".join([*repeated, "the input has no valid frame"]))
+        self._note(reader, repeated)
+        summary.part, summary.ends_in_gap, summary.continues = reader.ending()
+        if self.is_alone and summary.continues:
+            summary.left_out.append(f"files of the run after {self.paths[-1].name}")
+        self._length = number
+        yield before
+
+    def _note(self, reader: _linkwatch.FileReader, repeated: list[str]) -> None:
+        """Brings the summary up to date."""
+        found = [words for kind, words in reader.left_out() if self.is_alone or kind != LATER_FILES]
+        self.summary.left_out[:] = [*found, *repeated]
+        for message in reader.messages():
+            if not any(known in message for known in KNOWN):
+                self.summary.notes.append(message)
 
 
-def _opened(archives: list[_Archive], path: Path, invalid: list[dict[str, Any]]) -> Frames:
-    """Returns the frames of archives of the command, and the invalid ones that they lack."""
-    counts = archives[0].counts
-    summary = Summary(len(counts), sum(count < 0 for count in counts))
-    # An invalid frame has the place of the frame before it.
-    places = [(seq, one, k) for one in archives for k, seq in enumerate(one.numbers)]
-    rows: list[tuple[int, _Archive, int, dict[str, Any] | None]] = [(*row, None) for row in places]
-    numbers = [seq for seq, _, _ in places]
-    known = set(numbers)
-    for why in invalid:
-        if why["frame"] in known:
-            summary.left_out.append(f"frame {why['frame']}, which is invalid: {why['error']}")
-        else:
-            _, one, k = places[max(0, int(np.searchsorted(numbers, why["frame"])) - 1)]
-            rows.append((why["frame"], one, k, why))
-            known.add(why["frame"])
-    rows.sort(key=lambda row: row[0])
-
-    def load(start: int = 0, stop: int = len(rows)) -> Iterator[Frame]:
-        for seq, one, k, why in rows[start:stop]:
-            frame = one.frame(k)
-            if why is None:
-                yield frame
-                continue
-            # A time that is not finite is null in JSON.
-            at = frame.time if why["time"] is None else why["time"]
-            yield frame.invalid(why["error"], seq=seq, time=at)
-
-    opened = Frames(path, load, summary, len(rows))
-    opened.part = load
-    return opened
+def _valid(reader: _linkwatch.FileReader, repeated: list[str]) -> Iterator[Frame]:
+    """Yields the frames of a reader. Those that are invalid have the place of the frame before, or
+    of the first valid one. Adds the invalid ones with the number of another frame to a list."""
+    last: Frame | None = None
+    early: list[tuple[int, float, str]] = []
+    counts, basis, names, radii = list[int](), "", list[str](), list[float]()
+    while (row := reader.next()) is not None:
+        name, seq, time, cuts, vectors, curves, why = row
+        if curves is None:
+            assert why is not None
+            if last is None:
+                early.append((seq, time, f"{name}: {why}"))
+            elif seq <= last.seq:
+                repeated.append(f"frame {seq}, which is invalid: {why}")
+            else:
+                last = _invalid(last, seq, time, why)
+                yield last
+            continue
+        positions, described = curves
+        if described is not None:
+            counts, basis, names, radii = described
+        cell = None if vectors is None else np.array(vectors)
+        last = Frame(positions, counts, basis, names, radii, cell, seq, time, cuts=cuts)
+        for number, at, reason in early:
+            yield _invalid(last, number, at, reason)
+        early.clear()
+        yield last
+    repeated += [reason for _, _, reason in early[:1]]
 
 
-def _mapped(archive: Path) -> Array:
-    """Returns the positions in an archive without compression, which are read from the disk."""
-    with zipfile.ZipFile(archive) as members:
-        with members.open("positions.npy") as member:
-            version = np.lib.format.read_magic(member)
-            read_header = getattr(np.lib.format, f"read_array_header_{version[0]}_{version[1]}")
-            shape, _, dtype = read_header(member)
-            header = member.tell()
-        info = members.getinfo("positions.npy")
-    with open(archive, "rb") as file:
-        file.seek(info.header_offset + 26)
-        name, extra = np.frombuffer(file.read(4), "<u2")
-    start = info.header_offset + 30 + int(name) + int(extra) + header
-    return np.memmap(archive, dtype, "r", start, shape)
+def _invalid(near: Frame, seq: int, time: float, why: str) -> Frame:
+    """Returns an invalid frame in the place of another one."""
+    return near.invalid(why, seq=seq, time=time if math.isfinite(time) else near.time)

@@ -58,7 +58,7 @@ def write(
 
     def left_out() -> list[str]:
         """Returns what was skipped so far."""
-        return [*frames.summary.left_out, *invalid] if isinstance(frames, Frames) else invalid
+        return [*frames.known.left_out, *invalid] if isinstance(frames, Frames) else invalid
 
     written: list[Path] = []
     part: _Part | None = None
