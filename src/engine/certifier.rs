@@ -40,13 +40,10 @@ impl Certifier {
         pool::check_process()?;
         options.check()?;
         let gpu = GpuUse::open(&options.device, options.calibration.as_ref())?;
-        Ok(Certifier {
-            full: FullRun::new(options.kernel, options.accuracy, gpu),
-        })
+        Ok(Certifier::with_gpu(options, gpu))
     }
 
     /// Creates a certifier that computes on a GPU adapter that is already open.
-    #[cfg(all(feature = "gpu", test))]
     pub(crate) fn with_gpu(options: &SessionOptions, gpu: GpuUse) -> Certifier {
         Certifier {
             full: FullRun::new(options.kernel, options.accuracy, gpu),
