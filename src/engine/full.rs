@@ -178,11 +178,7 @@ impl FullRun {
         for (pair, linking) in found {
             all.add(pair, linking);
         }
-        self.certificate.links.extend(all.links);
-        self.certificate.undefined.extend(all.undefined);
-        let undefined = &mut self.certificate.undefined;
-        // An unstable sort needs no memory, and the keys are distinct.
-        undefined.sort_unstable_by_key(|d| (d.i, d.j));
+        gather(&[all], &mut self.certificate, &mut Stats::default());
         stats
     }
 
