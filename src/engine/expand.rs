@@ -39,7 +39,7 @@ impl Engine {
                 available: next.curves.len() as u64,
             });
         }
-        self.set_filter(self.filter.clone());
+        self.set_filter(self.full.search.filter.clone());
         known.change_curves(change, next.curves, self.steps.events)
     }
 

@@ -59,8 +59,6 @@ pub(crate) struct Engine {
     /// Options, without the baseline.
     options: SessionOptions,
     known: Known,
-    /// Pairs of curves that are verified; `None`: all.
-    filter: Option<PairFilter>,
     full: FullRun,
     monitor: Monitor,
     steps: Steps,
@@ -136,7 +134,6 @@ impl Engine {
                 ..Known::default()
             },
             options,
-            filter: None,
             full,
             monitor: Monitor::new(steps.coverage(), None),
             steps,
@@ -150,8 +147,7 @@ impl Engine {
     fn set_filter(&mut self, filter: Option<PairFilter>) {
         self.full.search.filter = filter.clone();
         self.steps.set_filter(filter.clone());
-        self.monitor = Monitor::new(self.steps.coverage(), filter.clone());
-        self.filter = filter;
+        self.monitor = Monitor::new(self.steps.coverage(), filter);
     }
 
     /// Returns the work that the GPU did in the last frame.
@@ -277,7 +273,7 @@ impl Engine {
             return verified;
         }
         let filter = self.known.filter();
-        if self.filter != filter {
+        if self.full.search.filter != filter {
             self.set_filter(filter);
         }
         if let Some(baseline) = &self.known.baseline {

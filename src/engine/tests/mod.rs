@@ -209,11 +209,11 @@ fn a_rejected_frame_keeps_the_filter_of_pairs() {
     .unwrap();
     let first = parallel_strands(9);
     let _ = engine.verify(Next::new(0, 0.0, &first)).unwrap();
-    let filter = engine.filter.clone();
+    let filter = engine.full.search.filter.clone();
     assert!(filter.is_some());
     let other = parallel_strands(8);
     assert!(engine.verify(Next::new(1, 0.0, &other)).is_err());
-    assert_eq!(engine.filter, filter);
+    assert_eq!(engine.full.search.filter, filter);
     let _ = engine.verify(Next::new(2, 0.0, &first)).unwrap();
     assert_eq!(engine.baseline().unwrap().curves, 4);
 }
