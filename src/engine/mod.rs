@@ -123,7 +123,7 @@ impl Engine {
         let limit = options.motion_limit.unwrap_or(SessionOptions::MOTION_LIMIT);
         let incremental = options.strategy.is_incremental();
         let mut steps = Steps::new(options.events, incremental, limit);
-        steps.end_with(full.progress.cancel.clone(), full.progress.limit.clone());
+        steps.end_with(&full.progress);
         let given = options.baseline.take();
         let higher = given.as_ref().map(|given| given.higher.clone());
         Engine {
@@ -184,8 +184,7 @@ impl Engine {
 
     /// Shares the progress of another engine, and its cancellation.
     pub fn share_progress(&mut self, progress: Arc<Progress>) {
-        self.steps
-            .end_with(progress.cancel.clone(), progress.limit.clone());
+        self.steps.end_with(&progress);
         self.full.share_progress(progress);
     }
 

@@ -1,8 +1,8 @@
 //! Steps between frames: pull-throughs, their consistency with the linking numbers, and the pairs
 //! whose linking numbers they may have changed.
 
+use super::Progress;
 use super::known::{Across, Known, Last, LinkingNumbers};
-use crate::cancel::{Cancel, PairLimit};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{CurveSet, Frame};
 use crate::error::Result;
@@ -42,9 +42,10 @@ impl Steps {
         }
     }
 
-    /// Sets the cancellation and the pair limit, which end a search early.
-    pub fn end_with(&mut self, cancel: Cancel, limit: PairLimit) {
-        self.ledger.end_with(cancel, limit);
+    /// Shares the cancellation and the pair limit of a run, which end a search early.
+    pub fn end_with(&mut self, progress: &Progress) {
+        let Progress { cancel, limit, .. } = progress;
+        self.ledger.end_with(cancel.clone(), limit.clone());
     }
 
     /// Searches only the pairs of a filter from now on.
