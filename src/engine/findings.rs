@@ -7,19 +7,9 @@ use crate::curve::Frame;
 use crate::error::Result;
 use crate::incremental::{Events, Outcome, Route};
 use crate::pairs::{Pair, closest_approach};
-use crate::verdict::{Defect, DefectKind, PullThrough};
+use crate::verdict::{Defect, DefectKind, Report};
 use rayon::prelude::*;
 use std::time::Instant;
-
-/// Pull-throughs in the step from the previous frame, and the defects of the frame.
-#[derive(Default)]
-pub(super) struct Motion {
-    pub events: Vec<PullThrough>,
-    pub unresolved: Vec<PullThrough>,
-    pub defects: Vec<Defect>,
-    /// See [`Report::safe_fraction`](crate::Report::safe_fraction).
-    pub safe_fraction: Option<f64>,
-}
 
 impl Engine {
     /// Adds the places of closest approach of changed pairs, and of pairs that the baseline lacks.
@@ -89,22 +79,20 @@ impl Engine {
         Ok(outcome)
     }
 
-    /// Returns the pull-throughs since the previous frame, if they are reported, and all defects:
-    /// those of the comparison, and pairs that are undecided in the step. `step` is the outcome of
-    /// the step, if the comparison has already searched it.
+    /// Adds to a report the pull-throughs since the previous frame, if they are reported, and all
+    /// defects: those of the comparison, and pairs that are undecided in the step. `step` is the
+    /// outcome of the step, if the comparison has already searched it.
     pub(super) fn search_events(
         &mut self,
         known: &mut Known,
         frame: &Frame,
         step: Option<Outcome>,
         comparison: &Comparison,
-    ) -> Result<Motion> {
-        let mut motion = Motion {
-            defects: comparison.defects.clone(),
-            ..Motion::default()
-        };
+        report: &mut Report,
+    ) -> Result<()> {
+        report.defects.clone_from(&comparison.defects);
         if self.steps.events == Events::Off {
-            return Ok(motion);
+            return Ok(());
         }
         let mut outcome = match step {
             Some(step) => step,
@@ -120,19 +108,15 @@ impl Engine {
             full.refit(set, &[(i, j)]);
             Ok(closest_approach(set, full.trees(), i as usize, j as usize))
         };
-        let defects = &mut motion.defects;
+        let defects = &mut report.defects;
         self.steps
             .add_defects(known, &outcome, comparison, place, defects)?;
-        let unaccounted = self.unaccounted_passages(known, frame, &outcome)?;
-        motion.defects.extend(unaccounted);
-        let defects = &mut motion.defects;
+        defects.extend(self.unaccounted_passages(known, frame, &outcome)?);
         Defect::sort(defects);
-        let unaccounted = defects.iter().any(|d| d.kind == DefectKind::Unaccounted);
-        if !unaccounted {
-            motion.safe_fraction = self.steps.safe_fraction(known, frame, &outcome)?;
+        if !defects.iter().any(|d| d.kind == DefectKind::Unaccounted) {
+            report.safe_fraction = self.steps.safe_fraction(known, frame, &outcome)?;
         }
-        motion.events = outcome.events;
-        motion.unresolved = outcome.unresolved;
-        Ok(motion)
+        (report.events, report.unresolved) = (outcome.events, outcome.unresolved);
+        Ok(())
     }
 }

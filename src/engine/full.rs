@@ -249,12 +249,13 @@ impl FullRun {
         let own = |&i: &usize| filter.is_none_or(|filter| filter.contains(i as u32, i as u32));
         let repeated = curves.into_par_iter().with_min_len(FEW_CURVES).filter(own);
         let discarded = self.search.discarded as u64;
-        Stats {
+        let counts = Stats {
             potential_links: discarded,
             separated: discarded,
             repeated_vertices: repeated.map(|i| set.repeated_vertices(i) as u64).sum(),
-            ..sizes(set)
-        }
+            ..Stats::default()
+        };
+        with_sizes(counts, set)
     }
 
     /// Adds the linking numbers of a range of the potential links to the certificate.
@@ -342,12 +343,12 @@ fn gather(parts: &[Counted], certificate: &mut Certificate, stats: &mut Stats) {
     certificate.undefined.sort_unstable_by_key(|d| (d.i, d.j));
 }
 
-/// Returns the sizes of a frame.
-pub(super) fn sizes(set: &CurveSet) -> Stats {
+/// Returns some counts with the sizes of a frame.
+pub(super) fn with_sizes(counts: Stats, set: &CurveSet) -> Stats {
     Stats {
         curves: set.len() as u64,
         segments: set.segments() as u64,
         open_curves: set.open_curves() as u64,
-        ..Stats::default()
+        ..counts
     }
 }

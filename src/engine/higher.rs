@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::incremental::{Events, Outcome};
 use crate::pairs::Pair;
 use crate::pool;
-use crate::verdict::{Defect, DefectKind, InvariantChange, Place, PullThrough};
+use crate::verdict::{Defect, DefectKind, Place, PullThrough, Report};
 use crate::words::plural_of;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -18,19 +18,18 @@ use std::sync::Arc;
 
 impl Engine {
     /// Compares the invariants of a frame with the expected ones. If none are expected yet, those
-    /// of the first frame become the expected ones. Adds curves without invariants to the defects,
-    /// and to `missing` a text about what was not compared. `is_given` is true in the first frame
-    /// if a certificate was given.
+    /// of the first frame become the expected ones. Adds to the report the changes, curves without
+    /// invariants as defects, and texts about what was not compared. `is_given` is true in the
+    /// first frame if a certificate was given.
     pub(super) fn compare_invariants(
         &self,
         known: &mut Known,
         set: &CurveSet,
         is_given: bool,
         comparison: &Comparison,
-        defects: &mut Vec<Defect>,
-        missing: &mut Vec<String>,
-    ) -> Vec<InvariantChange> {
-        let mut changes = Vec::new();
+        report: &mut Report,
+    ) {
+        let (defects, missing) = (&mut report.defects, &mut report.missing);
         let changed: Vec<Pair> = comparison.changes.iter().map(|c| (c.i, c.j)).collect();
         for kind in InvariantKind::ALL {
             let expected = known.higher.iter().position(|of| of.kind == kind);
@@ -66,7 +65,7 @@ impl Engine {
             let skipped = match expected {
                 Some(at) => {
                     let (new, skipped) = found.compare(&mut all[at], &changed);
-                    changes.extend(new);
+                    report.invariants.extend(new);
                     skipped
                 }
                 None => {
@@ -84,7 +83,6 @@ impl Engine {
             }
         }
         Defect::sort(defects);
-        changes
     }
 
     /// Returns a defect for each closed polyline whose change of `v2` since the previous frame

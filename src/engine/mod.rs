@@ -35,7 +35,7 @@ pub(crate) use plan::{DevicePlan, ImagePlan, Prediction};
 pub use progress::{Progress, Timings};
 pub(crate) use state::EngineState;
 
-use self::full::FullRun;
+use self::full::{FullRun, with_sizes};
 use self::known::Known;
 use self::routing::Routing;
 use self::steps::Steps;
@@ -307,49 +307,36 @@ impl Engine {
             });
         }
         self.steps.begin(known, &curves)?;
-        let unknown_step = known.unknown_step.take();
-        let uncompared = next.change.into_iter();
-        let uncompared = uncompared.flat_map(CurveChange::words_of_uncompared);
-        let missing = unknown_step.into_iter().chain(broken).chain(uncompared);
-        let mut missing: Vec<String> = missing.collect();
-        let (frame, quiet) = self.expand(known, next, &mut missing)?;
+        let mut report = Report::new(seq, time, Verdict::Intact);
+        report.missing.extend(known.unknown_step.take());
+        report.missing.extend(broken);
+        if let Some(change) = next.change {
+            report.missing.extend(change.words_of_uncompared());
+            report.appeared.clone_from(&change.appeared);
+            report.gone.clone_from(&change.gone);
+        }
+        let (frame, quiet) = self.expand(known, next, &mut report.missing)?;
         let mut compared = self.compare(known, &frame, quiet, &appeared)?;
         self.add_places(&frame, &mut compared.linking.comparison)?;
         let step = compared.step.take();
         let comparison = &compared.linking.comparison;
-        let mut motion = self.search_events(known, &frame, step, comparison)?;
+        self.search_events(known, &frame, step, comparison, &mut report)?;
         self.full.progress.check()?;
         let yarns = self.compare_yarns(known, &frame)?;
-        let defects = &mut motion.defects;
-        let invariants =
-            self.compare_invariants(known, given, is_given, comparison, defects, &mut missing);
+        self.compare_invariants(known, given, is_given, comparison, &mut report);
         // The moment at which a knot changed is known only if passages of a curve with itself are
         // searched for.
-        let is_located = invariants.is_empty() || self.steps.events == Events::All;
-        let safe_fraction = motion.safe_fraction.filter(|_| is_located);
+        if !report.invariants.is_empty() && self.steps.events != Events::All {
+            report.safe_fraction = None;
+        }
         self.full.progress.check()?;
         // From here on, the frame is not rejected.
-        let unknown = !missing.is_empty() || self.steps.undecided;
-        let extent = *known.extent.get_or_insert_with(|| given.extent());
-        let mut report = Report {
-            changes: comparison.changes.clone(),
-            events: motion.events,
-            unresolved: motion.unresolved,
-            invariants,
-            defects: motion.defects,
-            adopted: comparison.adopted.clone(),
-            safe_fraction,
-            appeared: next.change.map_or_else(Vec::new, |c| c.appeared.clone()),
-            gone: next.change.map_or_else(Vec::new, |c| c.gone.clone()),
-            missing,
-            stats: Stats {
-                extent,
-                curves: given.len() as u64,
-                segments: given.segments() as u64,
-                open_curves: given.open_curves() as u64,
-                ..compared.stats
-            },
-            ..Report::new(seq, time, Verdict::Intact)
+        let unknown = !report.missing.is_empty() || self.steps.undecided;
+        report.changes.clone_from(&comparison.changes);
+        report.adopted.clone_from(&comparison.adopted);
+        report.stats = Stats {
+            extent: *known.extent.get_or_insert_with(|| given.extent()),
+            ..with_sizes(compared.stats, given)
         };
         if let Some(scene) = &known.cell {
             self.work.recomputed += yarns.computed;
