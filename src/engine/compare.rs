@@ -20,6 +20,10 @@ pub(super) struct Compared {
     pub step: Option<Outcome>,
 }
 
+/// Comparison and linking numbers of a frame that were proven without a full run, and the outcome
+/// of the step from the previous frame, if it was searched.
+type Proven = (Comparison, Arc<Certificate>, Option<Outcome>);
+
 impl Engine {
     /// Compares a frame with the baseline, by the strategy of the engine. `quiet` is true if the
     /// frame is proven to be quiet. `appeared` has the curves that the baseline lacks.
@@ -34,7 +38,13 @@ impl Engine {
         if self.options.strategy.is_incremental() {
             // The work depends on earlier frames, so the report has only the sizes of the scene.
             compared.stats = Stats::default();
-            self.offer_reference(known, frame, &compared.linking);
+            if let Some(certificate) = &compared.linking.certificate
+                && !known.has_broken_braids()
+                && self.monitor.wants_reference()
+            {
+                let certificate = Arc::clone(certificate);
+                self.monitor.make_reference(frame.clone(), certificate);
+            }
         }
         Ok(compared)
     }
@@ -48,9 +58,9 @@ impl Engine {
     ) -> Result<Compared> {
         let Some(baseline) = known.baseline.clone() else {
             let stats = self.certify_fully(frame.set()?)?;
-            let baseline = self.full.certificate.clone();
+            let baseline = Arc::new(self.full.certificate.clone());
             let comparison = baseline.compare(&baseline)?;
-            known.baseline = Some(Arc::new(baseline));
+            known.baseline = Some(baseline);
             return Ok(self.of_full_run(comparison, stats));
         };
         let is_broken = known.has_broken_braids();
@@ -95,26 +105,19 @@ impl Engine {
         Ok(compared)
     }
 
-    /// Makes a frame the reference frame, if the monitor expects to save time by it.
-    fn offer_reference(&mut self, known: &Known, frame: &Frame, linking: &LinkingNumbers) {
-        if let Some(certificate) = &linking.certificate
-            && !known.has_broken_braids()
-            && self.monitor.wants_reference()
-        {
-            let certificate = Arc::clone(certificate);
-            self.monitor.make_reference(frame.clone(), certificate);
+    /// Returns the linking numbers of the last full run, with their comparison.
+    pub(super) fn linking_of_full_run(&self, comparison: Comparison) -> LinkingNumbers {
+        let keeps = self.options.strategy.is_incremental();
+        LinkingNumbers {
+            comparison,
+            certificate: keeps.then(|| Arc::new(self.full.certificate.clone())),
         }
     }
 
     /// Returns the result of a full run.
     fn of_full_run(&self, comparison: Comparison, stats: Stats) -> Compared {
-        let keeps = self.options.strategy.is_incremental();
-        let certificate = keeps.then(|| Arc::new(self.full.certificate.clone()));
         Compared {
-            linking: LinkingNumbers {
-                comparison,
-                certificate,
-            },
+            linking: self.linking_of_full_run(comparison),
             stats,
             step: None,
         }
@@ -146,32 +149,33 @@ impl Engine {
         quiet: bool,
         baseline: &Certificate,
     ) -> Result<Compared> {
-        let compared = match self.monitor.reference_result().filter(|_| quiet) {
-            Some((certificate, comparison)) => Compared {
-                linking: LinkingNumbers {
-                    comparison: comparison.clone(),
-                    certificate: Some(Arc::clone(certificate)),
-                },
-                stats: Stats::default(),
-                step: None,
-            },
-            None => match self.compare_by_step(known, frame, baseline)? {
-                Some(compared) => compared,
-                None => return self.compare_fully(frame.set()?, baseline),
-            },
+        let proven = match self.monitor.reference_result().filter(|_| quiet) {
+            Some((certificate, comparison)) => {
+                Some((comparison.clone(), Arc::clone(certificate), None))
+            }
+            None => self.compare_by_step(known, frame, baseline)?,
+        };
+        let Some((comparison, certificate, step)) = proven else {
+            return self.compare_fully(frame.set()?, baseline);
         };
         if self.options.strategy == Strategy::Paranoid {
             let stats = self.full.certify(frame.set()?);
             self.full.progress.check()?;
             let full = self.full.certificate.compare(baseline)?;
-            if full != compared.linking.comparison {
+            if full != comparison {
                 self.disagree();
             }
-            let step = compared.step;
             let full = self.of_full_run(full, stats);
             return Ok(Compared { step, ..full });
         }
-        Ok(compared)
+        Ok(Compared {
+            linking: LinkingNumbers {
+                comparison,
+                certificate: Some(certificate),
+            },
+            stats: Stats::default(),
+            step,
+        })
     }
 
     /// Compares a frame with the baseline by a search of the step from the previous frame: a pair
@@ -182,7 +186,7 @@ impl Engine {
         known: &mut Known,
         frame: &Frame,
         baseline: &Certificate,
-    ) -> Result<Option<Compared>> {
+    ) -> Result<Option<Proven>> {
         let start = Instant::now();
         let set = frame.set()?;
         let Some(certificate) = self.steps.numbers(known, set) else {
@@ -213,17 +217,10 @@ impl Engine {
             self.full.progress.check()?;
             Arc::new(certificate.with_replaced(&pairs, &recomputed))
         };
-        let linking = LinkingNumbers {
-            comparison: certificate.compare(baseline)?,
-            certificate: Some(certificate),
-        };
+        let comparison = certificate.compare(baseline)?;
         if all {
             self.routing.took_search(start.elapsed());
         }
-        Ok(Some(Compared {
-            linking,
-            stats: Stats::default(),
-            step: Some(step),
-        }))
+        Ok(Some((comparison, certificate, Some(step))))
     }
 }

@@ -1,7 +1,7 @@
 //! State of an engine, from which another process continues.
 
 use super::intactness::Intactness;
-use super::known::{Last, LinkingNumbers};
+use super::known::Last;
 use super::{Engine, SessionOptions};
 use crate::certificate::Certificate;
 use crate::curve::{Cell, CurveSet, Frame, StoredCurves};
@@ -130,15 +130,10 @@ impl Engine {
             let set = frame.set()?;
             pool::run(set.segments(), || self.full.certify(set));
             self.full.progress.check()?;
-            let keeps = self.options.strategy.is_incremental();
-            let certificate = &self.full.certificate;
-            let linking = LinkingNumbers {
-                comparison: certificate.compare(baseline)?,
-                certificate: keeps.then(|| Arc::new(certificate.clone())),
-            };
+            let comparison = self.full.certificate.compare(baseline)?;
             known.last = Some(Arc::new(Last {
                 frame,
-                linking,
+                linking: self.linking_of_full_run(comparison),
                 contacts: state.contacts,
             }));
         }
