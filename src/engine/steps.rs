@@ -34,10 +34,14 @@ pub(super) struct Steps {
 impl Steps {
     /// Creates the state, with a motion limit in segment lengths.
     pub fn new(events: Events, incremental: bool, motion_limit: f64) -> Self {
+        let coverage = Coverage {
+            self_crossings: events == Events::All,
+            open_curves: events != Events::Off,
+        };
         Steps {
             events,
             incremental,
-            ledger: Ledger::new(motion_limit),
+            ledger: Ledger::new(motion_limit, coverage),
             ..Steps::default()
         }
     }
@@ -91,10 +95,7 @@ impl Steps {
 
     /// Returns the kinds of pull-throughs that the ledger finds.
     pub fn coverage(&self) -> Coverage {
-        Coverage {
-            self_crossings: self.events == Events::All,
-            open_curves: self.events != Events::Off,
-        }
+        self.ledger.coverage
     }
 
     /// Returns the linking numbers of the previous frame, unless a curve is degenerate in that
@@ -112,12 +113,10 @@ impl Steps {
     /// Returns the outcome of a step in which curves appeared or disappeared. The contacts of
     /// curves that appeared begin in this frame.
     fn outcome_across(&mut self, known: &Known, across: &Across, set: &CurveSet) -> Outcome {
-        let coverage = self.coverage();
         let Across { before, curves } = across;
         let after = set.subset(curves);
-        let (contacts, touched) = self.ledger.first_frame(before, coverage);
-        let frames = [before, &after];
-        let mut step = self.ledger.step(frames, &contacts, coverage, None);
+        let (contacts, touched) = self.ledger.first_frame(before);
+        let mut step = self.ledger.step([before, &after], &contacts, None);
         // Curves that came into contact before the change may have been on either side of each
         // other, so the step of their pair is undecided.
         let began = touched.iter().map(|t| t.defect).filter(|d| {
@@ -128,7 +127,7 @@ impl Steps {
         Defect::sort(&mut step.undecided);
         step.undecided.dedup_by_key(|d| (d.i, d.j));
         let mut outcome = step.with_curves(curves);
-        let (contacts, mut touching) = self.ledger.first_frame(set, coverage);
+        let (contacts, mut touching) = self.ledger.first_frame(set);
         let pair = |t: &Touching| (t.defect.i, t.defect.j);
         let from_the_start = outcome.touching.iter().filter(|t| t.from_the_start);
         let from_the_start: Vec<_> = from_the_start.map(pair).collect();
@@ -165,9 +164,7 @@ impl Steps {
             Some(scene) => scene.step(),
             None => [&**last.frame.set()?, &**frame.set()?],
         };
-        let coverage = self.coverage();
-        let ledger = &mut self.ledger;
-        let fraction = ledger.safe_fraction(frames, &contacts, coverage, outcome);
+        let fraction = self.ledger.safe_fraction(frames, &contacts, outcome);
         Ok(Some(fraction))
     }
 
@@ -214,7 +211,6 @@ impl Steps {
         frame: &Frame,
         pairs: Option<&[Pair]>,
     ) -> Result<Outcome> {
-        let coverage = self.coverage();
         let reports = self.events != Events::Off;
         let outcome = match (known.across.clone(), known.last.clone()) {
             (Some(across), _) => {
@@ -228,7 +224,7 @@ impl Steps {
                     true => Outcome::default(),
                     false => {
                         let frames = [&**last.frame.set()?, &**frame.set()?];
-                        self.ledger.step(frames, &last.contacts, coverage, pairs)
+                        self.ledger.step(frames, &last.contacts, pairs)
                     }
                 };
                 // Recorded here, because a report omits this defect if the pair has another one.
@@ -238,7 +234,7 @@ impl Steps {
                 outcome
             }
             (None, None) => {
-                let (contacts, touching) = self.ledger.first_frame(frame.set()?, coverage);
+                let (contacts, touching) = self.ledger.first_frame(frame.set()?);
                 Outcome {
                     touching,
                     contacts,

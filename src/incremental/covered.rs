@@ -1,7 +1,7 @@
 //! Coverage: the curves and the pairs of segments that a reference frame or a ledger examines.
 
 use crate::curve::CurveSet;
-use crate::pairs::Leaves;
+use crate::pairs::{Leaves, Pair, PairFilter};
 
 /// Pairs of segments that are covered in addition to those of two different closed curves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -12,16 +12,22 @@ pub(crate) struct Coverage {
     pub open_curves: bool,
 }
 
-/// The covered curves of a set.
+/// The covered curves of a set, and the covered pairs of them.
 #[derive(Clone, Copy)]
 pub(super) struct Covered<'a> {
     pub set: &'a CurveSet,
     pub coverage: Coverage,
+    /// Pairs of curves that are covered; `None`: all.
+    pub filter: Option<&'a PairFilter>,
 }
 
 impl<'a> Covered<'a> {
-    pub fn new(set: &'a CurveSet, coverage: Coverage) -> Covered<'a> {
-        Covered { set, coverage }
+    pub fn new(set: &'a CurveSet, coverage: Coverage, filter: Option<&'a PairFilter>) -> Self {
+        Covered {
+            set,
+            coverage,
+            filter,
+        }
     }
 
     /// Returns the covered curves, for trees of their boxes.
@@ -36,5 +42,17 @@ impl<'a> Covered<'a> {
     pub fn indices(&self) -> impl Iterator<Item = usize> + use<'a> {
         let leaves = self.leaves();
         (0..leaves.set.len()).filter(move |&i| leaves.has_tree(i))
+    }
+
+    /// Returns true if the filter has this pair; with `i == j`, this curve.
+    pub fn has_pair(&self, i: u32, j: u32) -> bool {
+        self.filter.is_none_or(|filter| filter.contains(i, j))
+    }
+
+    /// Returns the pairs of a curve and itself, in order, if self-crossings are covered.
+    pub fn self_pairs(self) -> impl Iterator<Item = Pair> + use<'a> {
+        let curves = self.coverage.self_crossings.then(|| self.indices());
+        let pairs = curves.into_iter().flatten().map(|i| (i as u32, i as u32));
+        pairs.filter(move |&(i, j)| self.has_pair(i, j))
     }
 }

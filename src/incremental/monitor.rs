@@ -5,7 +5,7 @@ use super::affine::Affine;
 use super::covered::Coverage;
 use super::motion::MovedBlocks;
 use super::quiet_bounds::QuietBounds;
-use super::reference::Reference;
+use super::reference::{MOST_NEAR, Reference};
 use super::stream::compare;
 use super::work::{Route, Work};
 use crate::cancel::Cancel;
@@ -323,9 +323,9 @@ impl Monitor {
             // A separate pool of one thread, because the pool of the stream works on the next
             // frames.
             let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-            let filter = filter.as_ref();
+            let (filter, most, cancel) = (filter.as_ref(), MOST_NEAR, &cancel);
             let reference =
-                || Reference::build(&subject, certificate, frame, coverage, filter, &cancel);
+                || Reference::build(&subject, certificate, frame, coverage, filter, most, cancel);
             pool.ok()?.install(reference)
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());

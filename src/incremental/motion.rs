@@ -190,7 +190,7 @@ impl<'a> MovedBlocks<'a> {
     /// Adds the pairs of some curves with all covered curves.
     fn add_all_pairs(&self, curves: &[u32], pairs: &mut Vec<Pair>) {
         let Reference { set, coverage, .. } = self.reference;
-        let covered = Covered::new(set, *coverage);
+        let covered = Covered::new(set, *coverage, None);
         for &i in curves {
             let others = covered.indices().map(|j| j as u32);
             let others = others.filter(|&j| i != j || coverage.self_crossings);
@@ -362,6 +362,7 @@ mod tests {
     use crate::curve::{Basis, Point, Positions};
     use crate::incremental::Coverage;
     use crate::incremental::ledger::Ledger;
+    use crate::incremental::reference::MOST_NEAR;
     use crate::random::Random;
     use std::f64::consts::TAU;
     use std::sync::Arc;
@@ -428,6 +429,7 @@ mod tests {
                 0,
                 coverage,
                 None,
+                MOST_NEAR,
                 &Cancel::default(),
             )
             .unwrap();

@@ -293,6 +293,7 @@ mod tests {
     use crate::cancel::Cancel;
     use crate::curve::{Basis, CurveSet};
     use crate::incremental::Coverage;
+    use crate::incremental::reference::MOST_NEAR;
     use crate::random::Random;
     use crate::simd::{Portable, dispatch};
     use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -333,6 +334,7 @@ mod tests {
             0,
             Coverage::default(),
             None,
+            MOST_NEAR,
             &Cancel::default(),
         )
         .unwrap();

@@ -2,7 +2,7 @@
 //! frames.
 
 use super::ledger::tests::planted::{Plant, PlantedStep, planted_step};
-use super::reference::Reference;
+use super::reference::{MOST_NEAR, Reference};
 use super::{Coverage, Events, Route};
 use crate::cancel::Cancel;
 use crate::curve::{Basis, CurveSet, Positions};
@@ -290,6 +290,7 @@ fn reference_speed() {
                         0,
                         coverage,
                         None,
+                        MOST_NEAR,
                         &Cancel::default(),
                     )
                     .unwrap()

@@ -106,6 +106,8 @@ const AHEAD: usize = 4;
 pub(crate) struct Ledger {
     /// Motion in segment lengths up to which pull-throughs that cancel count as real.
     pub motion_limit: f64,
+    /// Pairs of segments that are searched in all steps.
+    pub coverage: Coverage,
     trees: SweptTrees,
     search: LinkSearch,
     pairs: Vec<Pair>,
@@ -115,15 +117,16 @@ pub(crate) struct Ledger {
 
 impl Default for Ledger {
     fn default() -> Self {
-        Ledger::new(MOTION_LIMIT)
+        Ledger::new(MOTION_LIMIT, Coverage::default())
     }
 }
 
 impl Ledger {
     /// Returns a ledger with a motion limit in segment lengths.
-    pub fn new(motion_limit: f64) -> Self {
+    pub fn new(motion_limit: f64, coverage: Coverage) -> Self {
         Ledger {
             motion_limit,
+            coverage,
             trees: SweptTrees::default(),
             search: LinkSearch::default(),
             pairs: Vec::new(),
@@ -145,7 +148,7 @@ impl Ledger {
         self.search.filter = filter;
     }
 
-    /// Returns all passages between two frames. All steps must have the same coverage.
+    /// Returns all passages between two frames.
     ///
     /// `contacts` are those of the first frame, as found by the previous step. If `pairs` (sorted)
     /// is given, only these pairs of curves and those in contact are searched (`(i, i)`: a curve
@@ -159,7 +162,6 @@ impl Ledger {
         &mut self,
         frames: [&CurveSet; 2],
         contacts: &Contacts,
-        coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> Outcome {
         let pairs = pairs.map(|pairs| {
@@ -175,8 +177,7 @@ impl Ledger {
             return Outcome::default();
         }
         let segments = frames[0].segments();
-        let search = || self.search(frames, coverage, pairs.as_deref());
-        let mut found = pool::run(segments, search);
+        let mut found = pool::run(segments, || self.search(frames, pairs.as_deref()));
         let outcome = &mut found.outcome;
         let within = outcome.events.len();
         contacts.follow(&found.contacts, frames, outcome);
@@ -198,12 +199,8 @@ impl Ledger {
 
     /// Returns the contacts of a first frame, and the pairs of curves that touch. Their earlier
     /// passages are unknown.
-    pub fn first_frame(
-        &mut self,
-        frame: &CurveSet,
-        coverage: Coverage,
-    ) -> (Contacts, Vec<Touching>) {
-        let found = self.search([frame, frame], coverage, None).contacts;
+    pub fn first_frame(&mut self, frame: &CurveSet) -> (Contacts, Vec<Touching>) {
+        let found = self.search([frame, frame], None).contacts;
         Contacts::of_first_frame(&found, frame)
     }
 
@@ -218,29 +215,25 @@ impl Ledger {
     ) -> Outcome {
         // Discards the stored boxes, because they may have been built for another coverage.
         self.trees = SweptTrees::default();
-        let (contacts, _) = self.first_frame(before, coverage);
-        self.step([before, after], &contacts, coverage, pairs)
+        self.coverage = coverage;
+        let (contacts, _) = self.first_frame(before);
+        self.step([before, after], &contacts, pairs)
     }
 
     /// Finds passages within a step, and contacts at its ends, sorted by pair.
-    fn search(
-        &mut self,
-        frames: [&CurveSet; 2],
-        coverage: Coverage,
-        pairs: Option<&[Pair]>,
-    ) -> Part {
+    fn search(&mut self, frames: [&CurveSet; 2], pairs: Option<&[Pair]>) -> Part {
         let [before, after] = frames;
         assert!(
             before.same_layout(after),
             "both frames must have the same curves"
         );
         let curves = pairs.map(|pairs| curves_of(pairs.iter().copied()));
-        self.trees
-            .refit(frames, coverage.open_curves, curves.as_deref());
+        let open = self.coverage.open_curves;
+        self.trees.refit(frames, open, curves.as_deref());
         self.pairs.clear();
         match pairs {
             Some(pairs) => self.pairs.extend_from_slice(pairs),
-            None => self.find_pairs(Covered::new(before, coverage)),
+            None => self.find_pairs(before),
         }
         let step = Step {
             frames,
@@ -274,14 +267,12 @@ impl Ledger {
 
     /// Finds the pairs of curves that may meet, and the pairs of a curve and itself if they are
     /// covered, sorted.
-    fn find_pairs(&mut self, covered: Covered<'_>) {
+    fn find_pairs(&mut self, set: &CurveSet) {
         let pairs = self.search.find(self.trees.roots());
         self.pairs.extend_from_slice(pairs);
-        if covered.coverage.self_crossings {
-            let filter = self.search.filter.as_ref();
-            let curves = covered.indices().map(|i| i as u32);
-            let curves = curves.filter(|&i| filter.is_none_or(|filter| filter.contains(i, i)));
-            self.pairs.extend(curves.map(|i| (i, i)));
+        if self.coverage.self_crossings {
+            let covered = Covered::new(set, self.coverage, self.search.filter.as_ref());
+            self.pairs.extend(covered.self_pairs());
             self.pairs.par_sort_unstable();
         }
     }

@@ -15,7 +15,7 @@
 //! pieces, which are shorter if the curves are near in one of the frames. So the moment of their
 //! first passage depends on the last frame, and bisection finds it.
 
-use super::{Contacts, Coverage, Ledger, Outcome};
+use super::{Contacts, Ledger, Outcome};
 use crate::curve::{CurveSet, Precision};
 use crate::pairs::Pair;
 use crate::verdict::DefectKind;
@@ -77,7 +77,6 @@ impl Ledger {
         &mut self,
         [before, after]: [&CurveSet; 2],
         contacts: &Contacts,
-        coverage: Coverage,
         outcome: &Outcome,
     ) -> f64 {
         let mut pairs = outcome.unsafe_pairs(contacts);
@@ -91,7 +90,7 @@ impl Ledger {
                 return None;
             }
             before.toward(after, fraction, &mut at).ok()?;
-            let outcome = self.step([before, at.as_ref()?], contacts, coverage, pairs);
+            let outcome = self.step([before, at.as_ref()?], contacts, pairs);
             too_close += u32::from(outcome.is_too_close());
             Some(outcome.unsafe_pairs(contacts))
         };

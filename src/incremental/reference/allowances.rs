@@ -38,7 +38,7 @@ use crate::curve::vector::{distance, per_axis};
 use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
 use crate::discretize::Hull;
 use crate::incremental::covered::Covered;
-use crate::pairs::{Agenda, Blocks, LinkSearch, PairFilter, Query, SegmentPairs, Trees, descend};
+use crate::pairs::{Agenda, Blocks, LinkSearch, Query, SegmentPairs, Trees, descend};
 use crate::simd::{Lanes, dispatch};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
@@ -56,7 +56,7 @@ const BATCH: usize = 1024;
 
 /// Maximum number of near pairs of blocks, of which each needs up to 40 bytes. Yarn has about ten
 /// per block; the strands of a wound ball, which are all near one another, have thousands.
-pub(super) const MOST_NEAR: usize = 1 << 24;
+pub(in crate::incremental) const MOST_NEAR: usize = 1 << 24;
 
 /// Number of new entries after which a list of near blocks is compacted.
 const COMPACT: usize = 1 << 20;
@@ -76,8 +76,6 @@ struct Buffers {
 pub(super) struct Allowances<'a> {
     covered: Covered<'a>,
     trees: &'a Trees,
-    /// Pairs of curves that must stay apart; `None`: all.
-    filter: Option<&'a PairFilter>,
     reach: f64,
     /// Bit patterns of the allowances. None is negative, so the patterns have the same order.
     slots: Vec<AtomicU32>,
@@ -90,19 +88,12 @@ pub(super) struct Allowances<'a> {
 }
 
 impl<'a> Allowances<'a> {
-    pub fn new(
-        covered: Covered<'a>,
-        trees: &'a Trees,
-        filter: Option<&'a PairFilter>,
-        most: usize,
-        cancel: &'a Cancel,
-    ) -> Self {
+    pub fn new(covered: Covered<'a>, trees: &'a Trees, most: usize, cancel: &'a Cancel) -> Self {
         let unbounded = |_| AtomicU32::new(f32::INFINITY.to_bits());
         Allowances {
             covered,
             trees,
-            filter,
-            reach: typical_clearance(covered, trees, filter) * SHARE * GOOD,
+            reach: typical_clearance(covered, trees) * SHARE * GOOD,
             slots: (0..covered.set.slots()).map(unbounded).collect(),
             blocks: Blocks::new(covered.set),
             most,
@@ -165,13 +156,9 @@ impl<'a> Allowances<'a> {
         let dilation = 0.5 * range + rounding as f32;
         let dilated = self.trees.roots().iter().map(|b| b.dilated(dilation));
         let dilated: Vec<Box3> = dilated.collect();
-        let mut search = LinkSearch::new(self.filter.cloned());
+        let mut search = LinkSearch::new(self.covered.filter.cloned());
         let pairs = search.find(&dilated);
-        if self.covered.coverage.self_crossings {
-            let owns = |i: &u32| self.filter.is_none_or(|filter| filter.contains(*i, *i));
-            let curves = curves.iter().map(|&i| i as u32).filter(owns);
-            pairs.extend(curves.map(|i| (i, i)));
-        }
+        pairs.extend(self.covered.self_pairs());
         let size = pairs.len().div_ceil(8 * rayon::current_num_threads());
         let near = pairs.par_chunks(size.max(1)).map(|pairs| {
             let (mut buffers, mut near) = (Buffers::default(), Vec::new());

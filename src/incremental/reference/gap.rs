@@ -6,7 +6,7 @@ use crate::curve::vector::{add_scaled, distance, dot, per_axis, sub};
 use crate::curve::{Box3, BoxGroup, Point};
 use crate::discretize::Hull;
 use crate::incremental::covered::Covered;
-use crate::pairs::{BoxTree, Node, PairFilter, Trees, closest_points};
+use crate::pairs::{BoxTree, Node, Trees, closest_points};
 use crate::simd::LANES;
 use rayon::prelude::*;
 use std::cmp::Reverse;
@@ -132,11 +132,7 @@ const SAMPLES: usize = 32;
 
 /// Returns the upper quartile, over a sample of blocks of segments, of the distance to the nearest
 /// segment that must stay apart from the block.
-pub(super) fn typical_clearance(
-    covered: Covered<'_>,
-    trees: &Trees,
-    filter: Option<&PairFilter>,
-) -> f64 {
+pub(super) fn typical_clearance(covered: Covered<'_>, trees: &Trees) -> f64 {
     let set = covered.set;
     let count = |i: usize| (set.curve(i).segments as usize).div_ceil(LANES);
     let total: usize = covered.indices().map(count).sum();
@@ -144,7 +140,7 @@ pub(super) fn typical_clearance(
     let curves = covered.indices();
     let blocks = curves.flat_map(|i| (0..count(i)).map(move |g| (i, g)));
     let samples: Vec<(usize, usize)> = blocks.skip(step / 2).step_by(step).collect();
-    let distance = |&(i, block): &_| clearance(covered, trees, filter, i, block);
+    let distance = |&(i, block): &_| clearance(covered, trees, i, block);
     let mut distances: Vec<f64> = samples.par_iter().map(distance).collect();
     distances.sort_by(f64::total_cmp);
     let quartile = distances.get(distances.len() * 3 / 4);
@@ -154,13 +150,7 @@ pub(super) fn typical_clearance(
 
 /// Returns the approximate distance of a block of segments from all others that must stay apart
 /// from it, by best-first search. Infinite if there are none.
-fn clearance(
-    covered: Covered<'_>,
-    trees: &Trees,
-    filter: Option<&PairFilter>,
-    i: usize,
-    block: usize,
-) -> f64 {
+fn clearance(covered: Covered<'_>, trees: &Trees, i: usize, block: usize) -> f64 {
     let set = covered.set;
     let boxes = set.leaf_boxes(i, block);
     let bounds = boxes.bounds();
@@ -178,7 +168,7 @@ fn clearance(
     let others = trees.roots().iter().enumerate().filter(|&(j, root)| {
         (j != i || covered.coverage.self_crossings)
             && *root != Box3::EMPTY
-            && filter.is_none_or(|filter| filter.contains(i as u32, j as u32))
+            && covered.has_pair(i as u32, j as u32)
     });
     let entries = others.map(|(j, root)| entry(j, root, Some(trees.of(set, j).root()), 0));
     let mut heap: BinaryHeap<_> = entries.collect();

@@ -7,7 +7,8 @@ mod neighbours;
 #[cfg(test)]
 mod tests;
 
-use self::allowances::{Allowances, MOST_NEAR};
+use self::allowances::Allowances;
+pub(super) use self::allowances::MOST_NEAR;
 pub(super) use self::neighbours::{Block, Neighbours};
 use super::affine::Sample;
 use super::blocks::CHUNK;
@@ -57,28 +58,8 @@ pub(super) struct Reference {
 impl Reference {
     /// Builds a reference frame from a frame and its linking numbers: for the pairs of a filter, or
     /// for all. Returns `None` if it is cancelled, or if too many of its segments are near one
-    /// another: the memory for them is limited.
+    /// another: more than `most_near` pairs of blocks ([`MOST_NEAR`]), whose memory is limited.
     pub fn build(
-        subject: &Frame,
-        certificate: Arc<Certificate>,
-        frame: u64,
-        coverage: Coverage,
-        filter: Option<&PairFilter>,
-        cancel: &Cancel,
-    ) -> Option<Reference> {
-        Reference::build_within(
-            subject,
-            certificate,
-            frame,
-            coverage,
-            filter,
-            MOST_NEAR,
-            cancel,
-        )
-    }
-
-    /// [`Reference::build`] with at most `most_near` near pairs of blocks.
-    fn build_within(
         subject: &Frame,
         certificate: Arc<Certificate>,
         frame: u64,
@@ -90,10 +71,10 @@ impl Reference {
         let (set, given) = (Arc::clone(subject.set().ok()?), Arc::clone(subject.given()));
         let images = subject.translated().cloned();
         let mut trees = Trees::default();
-        let covered = Covered::new(&set, coverage);
+        let covered = Covered::new(&set, coverage, filter);
         trees.refit(covered.leaves());
         let sample = Sample::new(&given, coverage.open_curves);
-        let allowances = Allowances::new(covered, &trees, filter, most_near, cancel);
+        let allowances = Allowances::new(covered, &trees, most_near, cancel);
         let (mut allowances, neighbours) = allowances.fill(&certificate)?;
         if let Some(images) = &images {
             allowances = least_of_images(&allowances, &set, images, &given);

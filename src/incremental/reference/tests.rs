@@ -172,7 +172,8 @@ proptest! {
         let unknown = ledger.first_step(&set, &set, coverage, None).undecided;
         let frame = set.clone().into();
         let (certificate, needed) = (Arc::new(certificate), Cancel::default());
-        let reference = Reference::build(&frame, certificate, 0, coverage, None, &needed);
+        let reference =
+            Reference::build(&frame, certificate, 0, coverage, None, MOST_NEAR, &needed);
         let reference = reference.unwrap();
         prop_assert!(reference.allowances.iter().all(|&a| a >= 0.0));
         let [a, b] = [0, 1].map(|k| moved(&curves, &reference, seeds[k], directions[k]));
@@ -206,7 +207,8 @@ proptest! {
         let coverage = Coverage { self_crossings: false, open_curves: true };
         let frame = set.clone().into();
         let needed = Cancel::default();
-        let reference = Reference::build(&frame, certificate, 0, coverage, None, &needed).unwrap();
+        let reference =
+            Reference::build(&frame, certificate, 0, coverage, None, MOST_NEAR, &needed).unwrap();
         let m = nalgebra::Matrix3::identity() + nalgebra::Matrix3::from_row_slice(&map);
         let affine = Affine::new(m, shift.into());
         prop_assume!(affine.is_some());
@@ -241,7 +243,7 @@ fn a_reference_frame_that_is_too_large_or_not_needed_is_given_up() {
     let build = |most, cancel: &Cancel| {
         let (set, certificate) = (scene.curves.clone(), Arc::clone(&certificate));
         let coverage = Coverage::default();
-        Reference::build_within(&set.into(), certificate, 0, coverage, None, most, cancel)
+        Reference::build(&set.into(), certificate, 0, coverage, None, most, cancel)
     };
     // It has some 1,500,000 near pairs of blocks.
     let needed = Cancel::default();

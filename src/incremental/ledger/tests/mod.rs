@@ -256,7 +256,7 @@ fn finds_the_planted_passages_and_no_others() {
 /// The search misses nothing: a test of all pairs of pieces finds the same passages.
 #[test]
 fn the_search_finds_the_passages_of_all_pairs_of_segments() {
-    let mut ledger = Ledger::default();
+    let mut ledger = Ledger::new(MOTION_LIMIT, ALL);
     for basis in Basis::ALL {
         let mut r = Random::new(80 + basis as u64);
         let (mut events, mut undecided) = (0, 0);
@@ -266,7 +266,7 @@ fn the_search_finds_the_passages_of_all_pairs_of_segments() {
             let Part {
                 mut outcome,
                 mut contacts,
-            } = ledger.search(frames, ALL, None);
+            } = ledger.search(frames, None);
             let step = Step {
                 frames,
                 trees: &ledger.trees,
@@ -465,18 +465,18 @@ fn boxes_of_an_earlier_frame_are_not_used_after_a_step_without_a_search() {
         let basis = Basis::ALL[seed as usize % Basis::ALL.len()];
         let [before, after] = random_step(&mut r, basis);
         let want = Ledger::default().first_step(&before, &after, ALL, None);
-        let mut ledger = Ledger::default();
+        let mut ledger = Ledger::new(MOTION_LIMIT, ALL);
         let none = Contacts::default();
-        let (contacts, _) = ledger.first_frame(&before, ALL);
-        let found = ledger.step([&before, &after], &contacts, ALL, None);
+        let (contacts, _) = ledger.first_frame(&before);
+        let found = ledger.step([&before, &after], &contacts, None);
         assert_eq!(found, want, "seed {seed}");
         // A step without a search, and one of a single pair, end in the first frame again.
         for pairs in [&[][..], &[(0, 1)]] {
             // A copy of the first frame with the same positions.
             let mut again = before.clone();
             again.update(before.positions()).unwrap();
-            let _ = ledger.step([&after, &again], &none, ALL, Some(pairs));
-            let found = ledger.step([&again, &after], &contacts, ALL, None);
+            let _ = ledger.step([&after, &again], &none, Some(pairs));
+            let found = ledger.step([&again, &after], &contacts, None);
             assert_eq!(found, want, "seed {seed}, after {pairs:?}");
         }
         events += want.events.len();

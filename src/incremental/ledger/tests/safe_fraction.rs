@@ -18,13 +18,13 @@ struct Tally {
 
 /// Shortens random steps to their safe fractions. Fails if a pull-through is left.
 fn shorten(seeds: std::ops::Range<u64>, basis: Basis) -> Tally {
-    let (mut ledger, mut judge) = (Ledger::default(), Ledger::default());
+    let [mut ledger, mut judge] = [(); 2].map(|()| Ledger::new(MOTION_LIMIT, ALL));
     let mut tally = Tally::default();
     for seed in seeds {
         let [before, after] = random_step(&mut Random::new(seed), basis);
-        let (contacts, _) = ledger.first_frame(&before, ALL);
-        let outcome = ledger.step([&before, &after], &contacts, ALL, None);
-        let fraction = ledger.safe_fraction([&before, &after], &contacts, ALL, &outcome);
+        let (contacts, _) = ledger.first_frame(&before);
+        let outcome = ledger.step([&before, &after], &contacts, None);
+        let fraction = ledger.safe_fraction([&before, &after], &contacts, &outcome);
         tally.steps += 1;
         tally.none += u32::from(fraction == 0.0);
         if fraction == 0.0 {
