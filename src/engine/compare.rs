@@ -6,7 +6,7 @@ use crate::certificate::{Certificate, Comparison};
 use crate::curve::{CurveSet, Frame};
 use crate::error::Result;
 use crate::incremental::{Events, Outcome, Route};
-use crate::pairs::Pair;
+use crate::pairs::distinct;
 use crate::pool;
 use crate::verdict::Stats;
 use std::sync::Arc;
@@ -205,9 +205,7 @@ impl Engine {
         // Pairs that had no linking number in the previous frame must be computed.
         let undefined = &certificate.undefined;
         let unknown = undefined.iter().filter_map(|d| Some((d.i, d.j?)));
-        let mut pairs: Vec<Pair> = unsettled.chain(unknown).collect();
-        pairs.sort_unstable();
-        pairs.dedup();
+        let pairs = distinct(unsettled.chain(unknown));
         self.work.route = Route::Partial;
         self.work.recomputed = pairs.len() as u64;
         let certificate = if pairs.is_empty() {

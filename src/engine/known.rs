@@ -6,7 +6,7 @@ use crate::curve::{CurveChange, CurveSet, Frame, Precision};
 use crate::diagram::HigherInvariants;
 use crate::error::{Error, Result};
 use crate::incremental::{Contacts, Events};
-use crate::pairs::{Pair, PairFilter};
+use crate::pairs::{Pair, PairFilter, sorted};
 use crate::scene::{BraidScene, CellScene, ComparedYarns};
 use std::sync::Arc;
 
@@ -177,9 +177,7 @@ impl Known {
         let renamed = |(a, b): Pair| Some((curve(a)?, curve(b)?));
         if let Some(touching) = &mut self.touching {
             let pairs = touching.iter().filter_map(|&pair| renamed(pair));
-            let mut pairs: Vec<Pair> = pairs.collect();
-            pairs.sort_unstable();
-            *touching = Arc::new(pairs);
+            *touching = Arc::new(sorted(pairs));
         }
         let Some(last) = self.last.take() else {
             return;
@@ -291,9 +289,7 @@ impl Known {
                 let (i, j) = (index(i)?, index(j)?);
                 Some((i.min(j), i.max(j)))
             });
-            let mut kept: Vec<Pair> = kept.collect();
-            kept.sort_unstable();
-            *pairs = Arc::new(kept);
+            *pairs = Arc::new(sorted(kept));
         }
         Ok(appeared)
     }

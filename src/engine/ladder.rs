@@ -9,7 +9,7 @@ use crate::kernels::choice::LongLink;
 use crate::kernels::choice::costs::MS;
 use crate::kernels::sums::fmm::{self, Fmm};
 use crate::kernels::{Accuracy, Estimate, GpuUse, Method, Summation};
-use crate::pairs::{Pair, curves_of};
+use crate::pairs::{Pair, curves_of, sorted};
 use crate::verdict::{Defect, Link};
 use std::time::{Duration, Instant};
 
@@ -175,8 +175,7 @@ fn estimates(
     if too_close.is_empty() {
         return sum(pairs);
     }
-    let mut too_close: Vec<_> = too_close.iter().map(|d| (d.i, d.j)).collect();
-    too_close.sort_unstable();
+    let too_close = sorted(too_close.iter().map(|d| (d.i, d.j)));
     let far_enough = |&(i, j): &Pair| too_close.binary_search(&(i, Some(j))).is_err();
     let summed: Vec<Pair> = pairs.iter().copied().filter(far_enough).collect();
     let mut sums = sum(&summed)?.into_iter();

@@ -92,11 +92,9 @@ impl Engine {
         curves: &Arc<CurveSet>,
         cell: Option<Cell>,
     ) -> Result<()> {
-        if state.baseline.curves != curves.len() {
-            return Err(Error::CertificateMismatch {
-                certificate: state.baseline.curves,
-                model: curves.len(),
-            });
+        let (certificate, model) = (state.baseline.curves, curves.len());
+        if certificate != model {
+            return Err(Error::CertificateMismatch { certificate, model });
         }
         self.begin_frame();
         let mut known = self.known.clone();

@@ -7,7 +7,7 @@ use crate::certificate::{Certificate, Comparison};
 use crate::curve::{CurveSet, Frame};
 use crate::error::Result;
 use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome, Touching};
-use crate::pairs::{Pair, PairFilter, degenerate_curves};
+use crate::pairs::{Pair, PairFilter, degenerate_curves, sorted};
 use crate::verdict::{Defect, DefectKind, Place};
 use std::sync::Arc;
 
@@ -291,7 +291,5 @@ fn note_touching(known: &mut Known, outcome: &Outcome) {
     let still = still.map(|t| (t.defect.i, t.defect.j.unwrap_or(t.defect.i)));
     let before = known.touching.take();
     let kept = still.filter(|pair| before.as_ref().is_none_or(|k| k.contains(pair)));
-    let mut kept: Vec<Pair> = kept.collect();
-    kept.sort_unstable();
-    known.touching = Some(Arc::new(kept));
+    known.touching = Some(Arc::new(sorted(kept)));
 }

@@ -12,7 +12,7 @@ use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{Bad, Cell, CurveSet, Frame, Positions, Received};
 use crate::error::Result;
-use crate::pairs::{Pair, PairFilter};
+use crate::pairs::{Pair, PairFilter, distinct};
 use crate::pool;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -264,12 +264,10 @@ impl Monitor {
             return None;
         };
         let bend = Affine::bend([from, to])?;
-        let mut chunks = surveys.map(|survey| &survey.chunks[..]).concat();
+        let chunks = distinct(surveys.map(|survey| &survey.chunks[..]).concat());
         if chunks.is_empty() {
             return Some(Vec::new());
         }
-        chunks.sort_unstable();
-        chunks.dedup();
         let [before, after] = [&**before.set().ok()?, &**after.set().ok()?];
         let ends = [(from, before), (to, after)];
         let step = MovedBlocks::new(reference, ends, &chunks, bend);

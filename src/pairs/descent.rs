@@ -1,6 +1,7 @@
 //! Simultaneous depth-first descent of the trees of two curves to segment pairs.
 
 use super::layout::Node;
+use super::sorted;
 use super::trees::{BoxTree, Trees};
 use crate::curve::{Box3, BoxGroup, CurveSet};
 use crate::simd::{LANES, Lanes, dispatch};
@@ -140,9 +141,7 @@ pub(crate) fn overlapping_segments(
     i: usize,
     j: usize,
 ) -> Vec<(u32, u32)> {
-    let mut found = dispatch!(simd => find(simd, set, trees, [i, j]));
-    found.sort_unstable();
-    found
+    sorted(dispatch!(simd => find(simd, set, trees, [i, j])))
 }
 
 #[inline(always)]

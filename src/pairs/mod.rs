@@ -54,8 +54,19 @@ pub(crate) fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> 
 
 /// Returns the curves of some pairs, sorted and without duplicates.
 pub(crate) fn curves_of(pairs: impl Iterator<Item = Pair>) -> Vec<u32> {
-    let mut curves: Vec<u32> = pairs.flat_map(|(i, j)| [i, j]).collect();
-    curves.sort_unstable();
-    curves.dedup();
-    curves
+    distinct(pairs.flat_map(|(i, j)| [i, j]))
+}
+
+/// Returns some items, sorted and without duplicates.
+pub(crate) fn distinct<T: Ord>(items: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut items = sorted(items);
+    items.dedup();
+    items
+}
+
+/// Returns some items, sorted.
+pub(crate) fn sorted<T: Ord>(items: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut items: Vec<T> = items.into_iter().collect();
+    items.sort_unstable();
+    items
 }

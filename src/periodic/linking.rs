@@ -29,7 +29,7 @@ use crate::discretize::{self, Halving, Separation, sort_splits};
 use crate::error::{Error, Result};
 use crate::kernels::Linking;
 use crate::kernels::crossings::{self, Direction, Input, Workspaces};
-use crate::pairs::{Leaves, Trees, closest_of_segments};
+use crate::pairs::{Leaves, Trees, closest_of_segments, distinct};
 use crate::verdict::{DefectKind, Place};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -62,9 +62,7 @@ pub(crate) fn linking_numbers(
     }
     let views = pairs.par_iter().map(|pair| View::new(frame, cell, pair));
     let views: Vec<View> = views.collect();
-    let mut curves: Vec<(u32, Image)> = views.iter().flat_map(View::curves).collect();
-    curves.sort_unstable();
-    curves.dedup();
+    let curves = distinct(views.iter().flat_map(View::curves));
     let mut points = PointLimit::new(frame.curves());
     for (i, _) in &curves {
         points.add(&frame.curve(*i as usize))?;

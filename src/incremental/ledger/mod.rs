@@ -79,7 +79,7 @@ use self::swept::SweptTrees;
 use super::covered::{Coverage, Covered};
 use crate::cancel::{Cancel, PairLimit};
 use crate::curve::CurveSet;
-use crate::pairs::{LinkSearch, Pair, PairFilter, curves_of};
+use crate::pairs::{LinkSearch, Pair, PairFilter, curves_of, distinct};
 use crate::pool;
 use crate::verdict::{Defect, PullThrough};
 use rayon::prelude::*;
@@ -165,9 +165,7 @@ impl Ledger {
         pairs: Option<&[Pair]>,
     ) -> Outcome {
         let pairs = pairs.map(|pairs| {
-            let mut all = [pairs, &contacts.pairs()].concat();
-            all.sort_unstable();
-            all.dedup();
+            let mut all = distinct([pairs, &contacts.pairs()].concat());
             if let Some(filter) = &self.search.filter {
                 filter.retain(&mut all);
             }

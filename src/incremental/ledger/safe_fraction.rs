@@ -17,7 +17,7 @@
 
 use super::{Contacts, Ledger, Outcome};
 use crate::curve::{CurveSet, Precision};
-use crate::pairs::Pair;
+use crate::pairs::{Pair, distinct};
 use crate::verdict::DefectKind;
 
 /// Half-width of the interval around the first known passage that is tried first. It exceeds the
@@ -105,11 +105,9 @@ impl Ledger {
             }
             match findings(fraction, None) {
                 Some(found) if found.is_empty() => return fraction,
-                Some(found) => pairs.extend(found),
+                Some(found) => pairs = distinct([pairs, found].concat()),
                 None => break,
             }
-            pairs.sort_unstable();
-            pairs.dedup();
             beyond = fraction;
         }
         0.0

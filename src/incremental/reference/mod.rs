@@ -17,7 +17,7 @@ use super::packed::Packed;
 use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{AXES, Cell, CurveSet, Frame, Point, Translated, union};
-use crate::pairs::{PairFilter, Trees};
+use crate::pairs::{PairFilter, Trees, distinct};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -135,9 +135,7 @@ impl Reference {
                 all.extend(here.map(|chunk| chunk as u32));
             }
         }
-        all.sort_unstable();
-        all.dedup();
-        Cow::Owned(all)
+        Cow::Owned(distinct(all))
     }
 }
 

@@ -15,9 +15,9 @@ use crate::certificate::{Certificate, undefined_entry};
 use crate::curve::{Cell, CurveSet, Frame, Image, Images, Point, Shape, is_home};
 use crate::error::Result;
 use crate::incremental::{QuietBounds, sort_by_time};
-use crate::pairs::{Pair, PairFilter};
+use crate::pairs::{Pair, PairFilter, sorted};
 use crate::periodic::{
-    Bend, Boxer, Entry, FractionalBoxes, ImagePair, ImagePairs, QuietSlack, RingAndYarn, Searched,
+    Bend, Boxer, FractionalBoxes, ImagePair, ImagePairs, QuietSlack, RingAndYarn, Searched,
     check_whole, period_of_pair,
 };
 use crate::verdict::{Change, Defect, Link, PullThrough, Report};
@@ -358,9 +358,7 @@ impl CellScene {
         let entries = all.entries().unwrap_or_default();
         let is_of_yarn = self.is_of_yarn();
         let of_yarns = entries.into_iter().filter(|entry| is_of_yarn(&entry.0));
-        let mut of_yarns: Vec<Entry> = of_yarns.collect();
-        of_yarns.sort_unstable();
-        self.yarns.expected = Some(of_yarns);
+        self.yarns.expected = Some(sorted(of_yarns));
     }
 
     /// Returns all expected linking numbers as reports name them. `verified` has those of the

@@ -21,6 +21,7 @@ use crate::curve::{
     AXES, Cell, CurveSet, Image, Point, Precision, bounds, boxes_apart, pow2, union,
 };
 use crate::error::Result;
+use crate::pairs::sorted;
 use crate::periodic::{
     Entry, ImagePair, Number, RingAndYarn, YarnPeriod, almost_yarns, linking_numbers, period_in,
 };
@@ -220,9 +221,7 @@ fn joint(set: &CurveSet, cell: &Cell, pair: &RingAndYarn) -> [Point; 2] {
 /// Returns the entries that are not 0, sorted.
 fn entries(numbers: &[Number]) -> Vec<Entry> {
     let entries = numbers.iter().map(|(pair, n)| (pair.pair(), n.ok()));
-    let mut entries: Vec<Entry> = entries.filter(|e| e.1 != Some(0)).collect();
-    entries.sort_unstable();
-    entries
+    sorted(entries.filter(|e| e.1 != Some(0)))
 }
 
 /// Returns the pairs that have no number.
