@@ -29,14 +29,18 @@ use super::ImagePair;
 use super::through::{YarnPeriod, period_of_pair, reduced};
 use crate::curve::vector::per_axis;
 use crate::curve::{Image, minus, plus};
+use crate::pairs::sorted;
 use std::collections::{BTreeMap, VecDeque};
 
 /// An entry of a list of linking numbers. `None`: the pair has no linking number. The translation
 /// may be 0.
 pub(crate) type Entry = (ImagePair, Option<i64>);
 
-/// Entries of each curve: the other curve, its translation, and the linking number.
-type Neighbours = Vec<Vec<(u32, Image, Option<i64>)>>;
+/// An entry of a curve: the other curve, its translation, and the linking number.
+type Neighbour = (u32, Image, Option<i64>);
+
+/// Entries of each curve, sorted by the other curve.
+type Neighbours = Vec<Vec<Neighbour>>;
 
 fn neighbours(curves: usize, entries: &[Entry]) -> Neighbours {
     let mut of = vec![Vec::new(); curves];
@@ -53,27 +57,28 @@ fn neighbours(curves: usize, entries: &[Entry]) -> Neighbours {
     of
 }
 
-/// Returns the entries after each curve `i` was moved by `shifts[i]`.
+/// Returns entries with other translations, sorted. `image` is called in the order of the entries.
+fn with_images(entries: &[Entry], mut image: impl FnMut(ImagePair) -> Image) -> Vec<Entry> {
+    sorted(entries.iter().map(|&(pair, lambda)| {
+        let image = image(pair);
+        (ImagePair { image, ..pair }, lambda)
+    }))
+}
+
+/// Returns the entries after each curve `i` was moved by `shifts[i]`, sorted.
 fn renamed(entries: &[Entry], shifts: &[Image]) -> Vec<Entry> {
-    let rename = |&(pair, lambda): &Entry| {
-        let ImagePair { i, j, image } = pair;
-        let image = minus(plus(image, shifts[i as usize]), shifts[j as usize]);
-        (ImagePair { i, j, image }, lambda)
-    };
-    entries.iter().map(rename).collect()
+    with_images(entries, |ImagePair { i, j, image }| {
+        minus(plus(image, shifts[i as usize]), shifts[j as usize])
+    })
 }
 
 /// Returns entries with the translations of rings and yarns reduced by the periods of the yarns,
 /// sorted.
 pub(crate) fn reduced_all(entries: &[Entry], periods: &[YarnPeriod]) -> Vec<Entry> {
-    let reduce = |&(ImagePair { i, j, image }, lambda): &Entry| {
+    with_images(entries, |ImagePair { i, j, image }| {
         let period = period_of_pair(periods, i, j);
-        let image = period.map_or(image, |period| reduced(image, period));
-        (ImagePair { i, j, image }, lambda)
-    };
-    let mut out: Vec<Entry> = entries.iter().map(reduce).collect();
-    out.sort_unstable();
-    out
+        period.map_or(image, |period| reduced(image, period))
+    })
 }
 
 /// Returns the entries of a baseline with the names that the images have in a frame, reduced and
@@ -93,28 +98,42 @@ pub(crate) fn aligned(
         return reduced_all(frame, periods);
     }
     let [before, now] = [baseline, frame].map(|entries| neighbours(curves, entries));
-    let mut shifts: Vec<Option<Image>> = vec![None; curves];
+    let shifts = breadth_first(&before, |_, &(j, ..), shifts| {
+        most_agreed(j, [&before, &now], shifts)
+    });
+    reduced_all(&renamed(baseline, &shifts), periods)
+}
+
+/// Moves the curves, breadth first along their entries, from the smallest curve of each connected
+/// part, which stays where it is. Returns the motion of each curve.
+///
+/// `motion` returns the motion of a curve that is not reached yet, if it is known. Its arguments
+/// are a curve that is reached, the first entry of that curve with the other one, and the motions
+/// so far.
+fn breadth_first(
+    of: &Neighbours,
+    mut motion: impl FnMut(usize, &Neighbour, &[Option<Image>]) -> Option<Image>,
+) -> Vec<Image> {
+    let mut shifts: Vec<Option<Image>> = vec![None; of.len()];
     let mut queue = VecDeque::new();
-    for root in 0..curves {
+    for root in 0..of.len() {
         if shifts[root].is_none() {
             shifts[root] = Some(Image::default());
             queue.push_back(root);
         }
         while let Some(i) = queue.pop_front() {
-            let mut others: Vec<u32> = before[i].iter().map(|n| n.0).collect();
-            others.dedup();
-            for j in others {
-                if shifts[j as usize].is_none()
-                    && let Some(shift) = most_agreed(j, [&before, &now], &shifts)
+            for entries in of[i].chunk_by(|a, b| a.0 == b.0) {
+                let j = entries[0].0 as usize;
+                if shifts[j].is_none()
+                    && let Some(shift) = motion(i, &entries[0], &shifts)
                 {
-                    shifts[j as usize] = Some(shift);
-                    queue.push_back(j as usize);
+                    shifts[j] = Some(shift);
+                    queue.push_back(j);
                 }
             }
         }
     }
-    let shifts: Vec<Image> = shifts.into_iter().map(Option::unwrap_or_default).collect();
-    reduced_all(&renamed(baseline, &shifts), periods)
+    shifts.into_iter().map(Option::unwrap_or_default).collect()
 }
 
 /// Returns the motion of curve `j` of the baseline after which most of its entries equal those of
@@ -150,18 +169,11 @@ pub(crate) fn canonical(curves: usize, entries: &[Entry], periods: &[YarnPeriod]
         let rank = rank(pair.image, period_of_pair(periods, pair.i, pair.j));
         (pair.i, pair.j, rank, pair.image, *lambda)
     });
-    let named = order.into_iter().map(|(pair, lambda)| {
-        let ImagePair { i, j, image } = pair;
-        let image = match i == j {
-            // The images of a curve itself keep their names.
-            true => image,
-            false => gauge.fix(pair, period_of_pair(periods, i, j)),
-        };
-        (ImagePair { i, j, image }, lambda)
-    });
-    let mut named: Vec<Entry> = named.collect();
-    named.sort_unstable();
-    named
+    with_images(&order, |pair| match pair.i == pair.j {
+        // The images of a curve itself keep their names.
+        true => pair.image,
+        false => gauge.fix(pair, period_of_pair(periods, pair.i, pair.j)),
+    })
 }
 
 /// Returns a key by which translations are sorted. The order of two translations does not change if
@@ -197,33 +209,21 @@ impl Tree {
             let period = |j: u32| period_of_pair(periods, i, j);
             list.sort_by_key(|&(j, image, _)| (j, rank(image, period(j)), image));
         }
-        let mut shifts: Vec<Option<Image>> = vec![None; curves];
-        let mut children = vec![Vec::new(); curves];
-        let (mut free, mut roots, mut queue) = (Vec::new(), Vec::new(), VecDeque::new());
-        for root in 0..curves {
-            if shifts[root].is_none() {
-                shifts[root] = Some(Image::default());
-                roots.push(root);
-                queue.push_back((root, Image::default()));
-            }
-            while let Some((i, shift)) = queue.pop_front() {
-                for &(other, image, _) in &of[i] {
-                    let j = other as usize;
-                    if shifts[j].is_none() {
-                        let moved = plus(image, shift);
-                        shifts[j] = Some(moved);
-                        children[i].push(j);
-                        let period = period_of_pair(periods, i as u32, other);
-                        free.extend(period.map(|period| (j, period)));
-                        queue.push_back((j, moved));
-                    }
-                }
-            }
-        }
+        let (mut children, mut free) = (vec![Vec::new(); curves], Vec::new());
+        let mut is_root = vec![true; curves];
+        let shifts = breadth_first(&of, |i, &(other, image, _), shifts| {
+            let j = other as usize;
+            children[i].push(j);
+            is_root[j] = false;
+            let period = period_of_pair(periods, i as u32, other);
+            free.extend(period.map(|period| (j, period)));
+            Some(plus(image, shifts[i]?))
+        });
         let mut places = vec![[0; 2]; curves];
         let mut count = 0;
         // Each curve is on the stack twice: before and after its subtree.
-        let mut stack: Vec<(usize, bool)> = roots.into_iter().rev().map(|i| (i, false)).collect();
+        let roots = (0..curves).rev().filter(|&i| is_root[i]);
+        let mut stack: Vec<(usize, bool)> = roots.map(|i| (i, false)).collect();
         while let Some((i, done)) = stack.pop() {
             if done {
                 places[i][1] = count;
@@ -235,7 +235,7 @@ impl Tree {
             stack.extend(children[i].iter().map(|&j| (j, false)));
         }
         Tree {
-            shifts: shifts.into_iter().map(Option::unwrap_or_default).collect(),
+            shifts,
             places,
             free,
         }
