@@ -185,32 +185,11 @@ pub use bus::{
 };
 #[cfg(feature = "bus")]
 pub use bus::{Event, Frame, LastLabels, Sidecar, SidecarOptions, SidecarState};
-#[cfg(feature = "verify")]
-pub use certificate::{Certificate, Comparison};
 #[cfg(feature = "cli")]
 #[doc(hidden)] // For the binary and the Python package of this repository only.
 pub use cli::{FileReader, run_command, sort_by_number};
 pub use curve::{Basis, Cell, CurveLabels, Image, Point, Positions, Precision};
-#[cfg(feature = "verify")]
-pub use curve::{Curve, CurveSet};
-#[cfg(feature = "verify")]
-pub use diagram::{Diagram, InvariantKind, Invariants, KnotName, TripleLink, diagrams};
-#[cfg(feature = "verify")]
-pub use discretize::{Braid, BraidLoops, Braids, End, Polylines, chords, homotopic_polylines};
-#[cfg(feature = "verify")]
-pub use engine::{Certifier, Ladder, Plan, Progress, SessionOptions, Strategy, Timings};
 pub use error::{Error, Result};
-#[cfg(feature = "verify")]
-pub use incremental::{Events, Route, Work};
-#[cfg(feature = "verify")]
-pub use ingest::{Closing, ClosingKind, ClosingNote, CurveSource, FrameInfo, RawFrame};
-#[cfg(feature = "verify")]
-pub use measure::{
-    Axis, ClearanceOptions, CurvePoint, GaussIntegrals, MinRad, Pairing, PairingReason, Ribbon,
-    RibbonOptions, Strut, Thickness, struts,
-};
-#[cfg(feature = "verify")]
-pub use periodic::{Unwrap, beside, period};
 #[cfg(feature = "mcap")]
 pub use record::{
     Ending, RecordedFrame, RecordedItem, RecordedVerdict, RecordingOptions, RecordingReader,
@@ -218,19 +197,32 @@ pub use record::{
 };
 #[cfg(feature = "cli")]
 use report::{Conclusion, RunReport};
-#[cfg(feature = "verify")]
-pub use session::{Continuation, Given, Received, Session, SessionState, VerifiedFrame};
-#[cfg(feature = "verify")]
-pub use sinks::{
-    BaselineRecord, FrameRecord, FrameTimes, LiveTimes, Overflow, RunProgress, Sink, SinkQueue,
-    SinkSummary,
-};
 pub use verdict::{
     AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, ImageLink,
     InvariantChange, LeftOut, Link, LoopPair, Place, PullThrough, Report, Stats, Verdict,
 };
 #[cfg(feature = "rerun")]
 pub use viewer::{ViewerSink, ViewerTarget};
+#[cfg(feature = "verify")]
+pub use {
+    certificate::{Certificate, Comparison},
+    curve::{Curve, CurveSet},
+    diagram::{Diagram, InvariantKind, Invariants, KnotName, TripleLink, diagrams},
+    discretize::{Braid, BraidLoops, Braids, End, Polylines, chords, homotopic_polylines},
+    engine::{Certifier, Ladder, Plan, Progress, SessionOptions, Strategy, Timings},
+    incremental::{Events, Route, Work},
+    ingest::{Closing, ClosingKind, ClosingNote, CurveSource, FrameInfo, RawFrame},
+    measure::{
+        Axis, ClearanceOptions, CurvePoint, GaussIntegrals, MinRad, Pairing, PairingReason, Ribbon,
+        RibbonOptions, Strut, Thickness, struts,
+    },
+    periodic::{Unwrap, beside, period},
+    session::{Continuation, Given, Received, Session, SessionState, VerifiedFrame},
+    sinks::{
+        BaselineRecord, FrameRecord, FrameTimes, LiveTimes, Overflow, RunProgress, Sink, SinkQueue,
+        SinkSummary,
+    },
+};
 
 /// Compiles the examples of the README and of the book. `tests/book` compares this list with the
 /// pages that have some.
