@@ -67,6 +67,29 @@ pub(super) struct LinkingNumbers {
     pub certificate: Option<Arc<Certificate>>,
 }
 
+impl Last {
+    /// Returns the frame with the curves and images of `scene` instead of those of `earlier`, or
+    /// `None` if `pair` has no new numbers for a pair with a finding.
+    fn renamed(
+        &self,
+        earlier: &CellScene,
+        scene: &CellScene,
+        pair: impl Fn(Pair) -> Option<Pair> + Copy,
+    ) -> Option<Last> {
+        let Last { frame, linking, .. } = self;
+        let origins = scene.origins(earlier, frame.given().len());
+        let certificate = linking.certificate.as_ref();
+        Some(Last {
+            frame: scene.frame(frame.given(), *frame.cell()?),
+            linking: LinkingNumbers {
+                comparison: linking.comparison.renamed(pair)?,
+                certificate: certificate.map(|c| Arc::new(c.with_curves(&origins))),
+            },
+            contacts: self.contacts.renamed(pair)?,
+        })
+    }
+}
+
 impl Known {
     /// Returns all expected linking numbers.
     pub fn joined(&self) -> Option<&Arc<Certificate>> {
@@ -149,10 +172,8 @@ impl Known {
             return Ok((Arc::clone(given), None));
         };
         let (curves, broken) = scene.follow(given)?;
-        Ok((
-            curves,
-            broken.map(|why| format!("braids are not verified: {why}")),
-        ))
+        let broken = broken.map(|why| format!("braids are not verified: {why}"));
+        Ok((curves, broken))
     }
 
     /// Returns true if the frame breaks a condition of the braids.
@@ -182,31 +203,12 @@ impl Known {
         let Some(last) = self.last.take() else {
             return;
         };
-        let frame = &last.frame;
-        let frame = frame.cell().map(|cell| scene.frame(frame.given(), *cell));
-        let origins = scene.origins(earlier, last.frame.given().len());
-        let linking = &last.linking;
-        let certificate = linking.certificate.as_ref();
-        let certificate = certificate.map(|c| Arc::new(c.with_curves(&origins)));
-        let comparison = linking.comparison.renamed(renamed);
-        let contacts = last.contacts.renamed(renamed);
-        match (frame, comparison, contacts) {
-            (Some(frame), Some(comparison), Some(contacts)) => {
-                self.last = Some(Arc::new(Last {
-                    frame,
-                    linking: LinkingNumbers {
-                        comparison,
-                        certificate,
-                    },
-                    contacts,
-                }));
-            }
+        self.last = last.renamed(earlier, scene, renamed).map(Arc::new);
+        if self.last.is_none() {
             // Does not happen, because all pairs that touch are among the images of both scenes.
-            _ => missing.push(
-                "other images came near while some touched: passages through this contact may be \
-                 missing"
-                    .into(),
-            ),
+            let what = "other images came near while some touched: passages through this contact \
+                        may be missing";
+            missing.push(what.into());
         }
     }
 
@@ -255,10 +257,8 @@ impl Known {
         let last = self.last.take().filter(|_| events != Events::Off);
         self.across = last.and_then(|last| {
             let before = &**last.frame.given();
-            let same_kind = |a: &CurveSet, b: &CurveSet| {
-                (a.basis(), a.precision()) == (b.basis(), b.precision())
-            };
-            if !same_kind(before, set) {
+            let kind = |set: &CurveSet| (set.basis(), set.precision());
+            if kind(before) != kind(set) {
                 let what = "pull-throughs: the basis or the precision is not that of the previous \
                             frame";
                 self.unknown_step = Some(what.into());
@@ -298,9 +298,7 @@ impl Known {
     /// frame. Always false for two closed curves, for which the baseline has no linking number
     /// instead.
     pub fn touch_from_the_start(&self, i: u32, j: Option<u32>) -> bool {
-        let Some(pairs) = &self.touching else {
-            return false;
-        };
-        j.is_some_and(|j| pairs.binary_search(&(i, j)).is_ok())
+        let known = self.touching.as_ref().zip(j);
+        known.is_some_and(|(pairs, j)| pairs.binary_search(&(i, j)).is_ok())
     }
 }
