@@ -34,7 +34,6 @@
 //! table shows the quality of the fit, not the accuracy on other scenes. Search times of some
 //! hundredths of a millisecond are wrong by up to a factor of 2. With several threads, a prediction
 //! assumes that many idle cores.
-//! many idle cores.
 //!
 //! The model accounts only for the last-level cache, and assumes AVX2: all stages take longer
 //! without it. If the work of more than 64 potential links differs much, the sample may miss a rare
