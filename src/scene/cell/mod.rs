@@ -174,10 +174,8 @@ impl CellScene {
                         boxes.swept_from(&FractionalBoxes::new(&at_first), &bend)
                     }
                 };
-                self.search(given, cell, &swept, expected, search)?;
-                let pairs = self.found.as_ref().map(|found| &found.pairs);
-                let slack = pairs.map_or([0.0; 3], |pairs| pairs.slack(&boxer));
-                (slack, true)
+                let pairs = self.search(given, cell, &swept, expected, search)?;
+                (pairs.slack(&boxer), true)
             }
         };
         self.before = Some(Before {
@@ -257,7 +255,8 @@ impl CellScene {
         }))
     }
 
-    /// Finds the images that may meet as long as the curves are within these boxes.
+    /// Finds the images that may meet as long as the curves are within these boxes, and returns
+    /// them.
     fn search(
         &mut self,
         given: &Arc<CurveSet>,
@@ -265,7 +264,7 @@ impl CellScene {
         boxes: &FractionalBoxes,
         expected: Option<&Certificate>,
         search: Search,
-    ) -> Result<()> {
+    ) -> Result<Arc<ImagePairs>> {
         search.refuse_torn(given, cell, &boxes.wide(cell))?;
         let searched = Searched {
             curves: given.curves(),
@@ -278,19 +277,21 @@ impl CellScene {
         let is_of_yarn = self.is_of_yarn();
         let expected = entries.filter(|pair| !is_home(&pair.image) && !is_of_yarn(pair));
         let pairs = ImagePairs::find(boxes, cell, &searched, expected)?;
-        self.know(given, pairs);
-        Ok(())
+        Ok(self.know(given, pairs))
     }
 
-    fn know(&mut self, given: &CurveSet, pairs: ImagePairs) {
+    /// Makes these the known images, and returns them.
+    fn know(&mut self, given: &CurveSet, pairs: ImagePairs) -> Arc<ImagePairs> {
         self.yarns.pairs.clone_from(&pairs.state.yarns);
         let has_images = pairs.has_images();
+        let pairs = Arc::new(pairs);
         self.quiet = None;
         self.found = Some(KnownImages {
             of: given.shape(),
             images: has_images.then(|| Arc::new(Images::new(pairs.curves.clone()))),
-            pairs: Arc::new(pairs),
+            pairs: Arc::clone(&pairs),
         });
+        pairs
     }
 
     /// Returns a predicate for pairs that contain a yarn.

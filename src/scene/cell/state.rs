@@ -35,15 +35,13 @@ impl CellScene {
     pub fn restored(state: CellState, given: &Arc<CurveSet>, cell: Cell) -> Result<CellScene> {
         let mut scene = CellScene::default();
         let periods: Arc<[Option<Image>]> = state.periods.into();
-        if let Some(images) = state.images {
-            scene.know(given, ImagePairs::restored(images, &periods));
-        }
+        let images = state.images;
+        let found = images.map(|images| scene.know(given, ImagePairs::restored(images, &periods)));
         let boxer = Boxer::new(given, &cell)?;
-        let found = scene.found.as_ref();
         scene.before = Some(Before {
             given: Arc::clone(given),
             cell,
-            slack: found.map_or([0.0; 3], |found| found.pairs.slack(&boxer)),
+            slack: found.map_or([0.0; 3], |pairs| pairs.slack(&boxer)),
         });
         let precision = match state.began_single {
             true => Precision::F32,
