@@ -185,8 +185,7 @@ impl Monitor {
         };
         let mut found = None;
         set.update_by(positions, |copy, range| {
-            let survey = Survey::read(reference, positions, cell, Some(copy), range)?;
-            found = Some(survey);
+            found = Some(Survey::read(reference, positions, cell, Some(copy), range)?);
             Ok(())
         })?;
         if self.received.len() == RECEIVED {

@@ -62,7 +62,8 @@ impl Task<'_> {
         }
         let (first, second) = (self.tree(0), self.tree(1));
         if self.is_self() {
-            self.visit(Visit::Blocks(0..self.segments().div_ceil(BLOCK)), gathered);
+            let curve = self.step.frames[0].curve(self.curves[0]);
+            self.visit(Visit::Blocks(0..curve.segments.div_ceil(BLOCK)), gathered);
             above_the_leaves(first, &mut gathered.agenda);
         } else if let (Some(p), Some(q)) = (first.few_leaves(), second.few_leaves()) {
             return self.visit(Visit::Leaves([p, q]), gathered);

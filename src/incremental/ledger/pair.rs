@@ -85,11 +85,6 @@ impl<'a> Task<'a> {
         !self.step.frames[0].basis().is_polyline()
     }
 
-    /// Returns the number of segments of the first curve.
-    pub fn segments(&self) -> u32 {
-        self.step.frames[0].curve(self.curves[0]).segments
-    }
-
     /// Returns true if two segments are equal or consecutive in one curve.
     pub fn adjacent(&self, s: u32, t: u32) -> bool {
         self.parts.is_some_and(|parts| parts.adjacent(s, t))
