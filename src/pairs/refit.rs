@@ -61,15 +61,7 @@ pub(super) fn refit_curve(
         return leaf.bounds();
     }
     let (mut below, mut level) = upper.split_at_mut(leaves.div_ceil(LANES));
-    let strip = Strip {
-        set: source.set,
-        i,
-        first: 0,
-        leaves,
-        below: &mut *below,
-        stored,
-    };
-    strip.refit();
+    refit_leaves(source.set, i, 0, below, stored);
     while !level.is_empty() {
         let (next, rest) = level.split_at_mut(below.len().div_ceil(LANES));
         dispatch!(simd => raise(simd, below, &mut *next));
@@ -78,62 +70,49 @@ pub(super) fn refit_curve(
     below[0].bounds()
 }
 
-/// Consecutive leaves of a curve, with the groups one level above.
-struct Strip<'a> {
-    set: &'a CurveSet,
-    /// The curve.
+/// Refits leaves of a curve, from `first` on, and the groups `below` whose lanes they are. Stores
+/// the leaves if `stored` is not empty. Splits the work into tasks while it is large enough.
+fn refit_leaves(
+    set: &CurveSet,
     i: usize,
-    /// First leaf.
     first: usize,
-    leaves: usize,
-    /// Groups whose lanes are the leaves.
-    below: &'a mut [BoxGroup],
-    /// The leaves, if they are stored.
-    stored: &'a mut [BoxGroup],
+    below: &mut [BoxGroup],
+    stored: &mut [BoxGroup],
+) {
+    if !refits_in_parallel(below.len() * LANES * LANES) {
+        return dispatch!(simd => refit_part(simd, (set, i), first, below, stored));
+    }
+    let mid = below.len() / 2;
+    let (left, right) = below.split_at_mut(mid);
+    let (left_stored, right_stored) = stored.split_at_mut((mid * LANES).min(stored.len()));
+    rayon::join(
+        || refit_leaves(set, i, first, left, left_stored),
+        || refit_leaves(set, i, first + mid * LANES, right, right_stored),
+    );
 }
 
-impl Strip<'_> {
-    /// Refits the leaves and the level above. Splits the strip into tasks while it is large enough.
-    fn refit(self) {
-        if !refits_in_parallel(self.leaves * LANES) {
-            return dispatch!(simd => Self::refit_part(self, simd));
+/// [`refit_leaves`] in one task.
+#[inline(always)]
+fn refit_part<L: Lanes>(
+    simd: L,
+    (set, i): (&CurveSet, usize),
+    first: usize,
+    below: &mut [BoxGroup],
+    stored: &mut [BoxGroup],
+) {
+    let mut eight = [BoxGroup::EMPTY; LANES];
+    let rest = (set.curve(i).segments as usize).div_ceil(LANES) - first;
+    for (k, group) in below.iter_mut().enumerate() {
+        let at = k * LANES;
+        let count = (rest - at).min(LANES);
+        let leaves = &mut eight[..count];
+        for (g, leaf) in leaves.iter_mut().enumerate() {
+            *leaf = set.leaf_boxes(i, first + at + g);
         }
-        let mid = self.below.len() / 2;
-        let Strip { below, stored, .. } = self;
-        let left_leaves = mid * LANES;
-        let (left_below, right_below) = below.split_at_mut(mid);
-        let (left_stored, right_stored) = stored.split_at_mut(left_leaves.min(stored.len()));
-        let left = Strip {
-            leaves: left_leaves,
-            below: left_below,
-            stored: left_stored,
-            ..self
-        };
-        let right = Strip {
-            first: self.first + left_leaves,
-            leaves: self.leaves - left_leaves,
-            below: right_below,
-            stored: right_stored,
-            ..self
-        };
-        rayon::join(|| left.refit(), || right.refit());
-    }
-
-    #[inline(always)]
-    fn refit_part<L: Lanes>(self, simd: L) {
-        let mut eight = [BoxGroup::EMPTY; LANES];
-        for (k, group) in self.below.iter_mut().enumerate() {
-            let at = k * LANES;
-            let count = (self.leaves - at).min(LANES);
-            let leaves = &mut eight[..count];
-            for (g, leaf) in leaves.iter_mut().enumerate() {
-                *leaf = self.set.leaf_boxes(self.i, self.first + at + g);
-            }
-            if !self.stored.is_empty() {
-                self.stored[at..at + count].copy_from_slice(leaves);
-            }
-            *group = bounds(simd, leaves);
+        if !stored.is_empty() {
+            stored[at..at + count].copy_from_slice(leaves);
         }
+        *group = bounds(simd, leaves);
     }
 }
 
