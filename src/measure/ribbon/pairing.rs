@@ -111,18 +111,10 @@ impl FromStr for Pairing {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Pairing> {
-        let (word, shift) = match text.split_once(':') {
-            Some((word, shift)) => (word, shift.parse().ok()),
-            None => (text, Some(0)),
-        };
-        let antiparallel = match word {
-            "parallel" => Some(false),
-            "antiparallel" => Some(true),
-            _ => None,
-        };
-        match (antiparallel, shift) {
-            (Some(antiparallel), Some(shift)) => Ok(Pairing {
-                antiparallel,
+        let (word, shift) = text.split_once(':').unwrap_or((text, "0"));
+        match (word, shift.parse()) {
+            ("parallel" | "antiparallel", Ok(shift)) => Ok(Pairing {
+                antiparallel: word == "antiparallel",
                 shift,
             }),
             _ => Err(Error::Usage(format!(
@@ -198,9 +190,8 @@ pub(super) fn find(strands: [&[Point]; 2]) -> (Pairing, PairingReason, Vec<Pairi
     let by_spread = |a: &&Distances, b: &&Distances| a.spread.total_cmp(&b.spread);
     let best = close.iter().min_by(by_spread);
     let best = *best.expect("the nearest is close");
-    let usual: &[usize] = if antiparallel { &[0, 1] } else { &[0] };
-    let mut usual = usual.iter();
-    let usual = usual.find_map(|&s| close.iter().find(|d| d.pairing.shift == s));
+    let last = usize::from(antiparallel);
+    let usual = close.iter().find(|d| d.pairing.shift <= last);
     let overruled = |order: &Distances| {
         best.spread <= RIGID * best.mean
             && order.spread > 10.0 * best.spread

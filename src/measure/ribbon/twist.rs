@@ -74,15 +74,16 @@ pub(super) fn twist(axis: &[Point], edge: &[Point]) -> Interval {
     sum / (Interval::PI + Interval::PI)
 }
 
-/// Returns the angle about `q` from `u` to `v`, each projected onto the plane perpendicular to `q`.
+/// Returns the angle about `q` from `u` to `v`, each projected onto the plane perpendicular to `q`;
+/// the interval of all angles if it is undecided.
 fn segment(q: Vector, u: Vector, v: Vector) -> Interval {
     let real = dot(cross(u, q), cross(v, q));
     let imaginary = length(q) * dot(q, cross(u, v));
-    or_any_angle(Interval::argument(real, imaginary))
+    Interval::argument(real, imaginary).unwrap_or(Interval::HALF_TURN)
 }
 
 /// Returns the angle at a corner, from direction `p` to direction `q`, by which the part of `u`
-/// perpendicular to the tangent turns.
+/// perpendicular to the tangent turns; the interval of all angles if it is undecided.
 fn corner(p: Vector, q: Vector, u: Vector) -> Interval {
     let one = Interval::point(1.0);
     let [p, q] = [p, q].map(|side| {
@@ -94,10 +95,5 @@ fn corner(p: Vector, q: Vector, u: Vector) -> Interval {
     let squares = u[0].square() + u[1].square() + u[2].square();
     let real = (one + k) * squares - alpha.square() - beta.square() - (one - k) * (alpha * beta);
     let imaginary = (alpha + beta) * dot(u, cross(p, q));
-    or_any_angle(Interval::argument(real, imaginary))
-}
-
-/// Returns the angle, or the interval of all angles if it is undecided.
-fn or_any_angle(angle: Option<Interval>) -> Interval {
-    angle.unwrap_or(Interval::HALF_TURN)
+    Interval::argument(real, imaginary).unwrap_or(Interval::HALF_TURN)
 }
