@@ -10,9 +10,6 @@ use crate::error::Result;
 use crate::pairs::{Nearest, Scale, nearest};
 use crate::periodic::period;
 
-/// Index of a neighbour that does not exist, at the end of an open curve.
-const NONE: u32 = u32::MAX;
-
 /// Relative tolerance of the condition at a vertex. Without it, rounding could discard a strut that
 /// ends at a vertex. With it, a pair may be accepted that is not a strut, but is longer than one by
 /// at most this share.
@@ -28,10 +25,10 @@ pub(super) struct Edge {
     inner: Option<[Point; 2]>,
     pub curve: u32,
     segment: u32,
-    /// Indices of the previous and the next edge of the curve. At the ends of a yarn, these are
-    /// edges of which an image continues it.
-    before: u32,
-    after: u32,
+    /// Indices of the previous and the next edge of the curve; `None` at the ends of an open curve.
+    /// At the ends of a yarn, these are edges of which an image continues it.
+    before: Option<u32>,
+    after: Option<u32>,
 }
 
 impl Edge {
@@ -54,7 +51,7 @@ impl Edge {
 
     /// Returns true if an open curve ends with this edge.
     pub fn is_last(&self) -> bool {
-        self.after == NONE
+        self.after.is_none()
     }
 }
 
@@ -108,7 +105,7 @@ impl Edges {
         let scale = Scale::of(points.chain(vectors));
         let mut edges = Vec::with_capacity(set.segments());
         for (i, curve) in set.curves().iter().enumerate() {
-            let first = edges.len() as u32;
+            let first = edges.len();
             let mut start = scale.apply(set.knot(i, 0));
             for segment in 0..curve.segments {
                 let end = scale.apply(set.knot(i, segment as usize + 1));
@@ -116,30 +113,27 @@ impl Edges {
                     let [_, b, c, _] = set.segment(i, segment as usize);
                     [b, c].map(|p| scale.apply(p))
                 });
-                let mut edge = Edge {
+                let k = edges.len() as u32;
+                let edge = Edge {
                     start,
                     along: sub(end, start),
                     inner,
                     curve: i as u32,
                     segment,
-                    before: NONE,
-                    after: NONE,
+                    before: k.checked_sub(1),
+                    after: Some(k + 1),
                 };
                 // An edge so short that its square underflows has no direction either.
                 if directions(&edge.hull()).iter().any(|v| dot(*v, *v) > 0.0) {
-                    let k = edges.len() as u32;
-                    edge.before = if k > first { k - 1 } else { NONE };
-                    edge.after = k + 1;
                     edges.push(edge);
                 }
                 start = end;
             }
-            let count = edges.len() as u32 - first;
-            if count > 0 {
-                let last = first + count - 1;
+            if edges.len() > first {
+                let last = edges.len() - 1;
                 let continues = curve.closed || cell.is_some_and(|c| period(set, i, c).is_some());
-                edges[first as usize].before = if continues { last } else { NONE };
-                edges[last as usize].after = if continues { first } else { NONE };
+                edges[first].before = continues.then_some(last as u32);
+                edges[last].after = continues.then_some(first as u32);
             }
         }
         let lattice = cell.map(|cell| Lattice::new(&mut edges, set, cell, scale));
@@ -161,7 +155,7 @@ impl Edges {
 
     /// Returns the vector along the edge before this one, unless an open curve begins with it.
     pub fn before(&self, edge: &Edge) -> Option<Point> {
-        (edge.before != NONE).then(|| self.get(edge.before).along)
+        edge.before.map(|k| self.get(k).along)
     }
 
     /// Converts a length from the units of the scene to scaled units.
@@ -181,13 +175,14 @@ impl Edges {
     /// Returns the sharpest bend.
     pub fn min_rad(&self) -> Option<MinRad> {
         let bend = |e: &Edge| -> Option<(f64, u32)> {
-            let next = self.edges.get(e.after as usize)?;
+            let after = e.after?;
+            let next = self.get(after);
             let [a, b] = [e.along, next.along].map(norm);
             let [u, v] = [(e.along, a), (next.along, b)].map(|(d, l)| d.map(|x| x / l));
             // Sine and cosine of half the turning angle between two unit vectors, doubled.
             let sine = norm(sub(u, v));
             let cosine = norm([u[0] + v[0], u[1] + v[1], u[2] + v[2]]);
-            (sine > 0.0).then(|| (0.5 * a.min(b) * cosine / sine, e.after))
+            (sine > 0.0).then(|| (0.5 * a.min(b) * cosine / sine, after))
         };
         let bends = self.edges.iter().filter_map(bend);
         let (radius, k) = bends.min_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -206,11 +201,8 @@ impl Edges {
     fn follows(&self, edge: u32, next: u32, image: Image) -> bool {
         let Edge { after, curve, .. } = *self.get(edge);
         let joint = |lattice: &Lattice| lattice.periods[curve as usize];
-        let expected = match next > edge {
-            true => Image::default(),
-            false => self.lattice.as_ref().map_or_else(Image::default, joint),
-        };
-        after == next && image == expected
+        let lattice = self.lattice.as_ref().filter(|_| next <= edge);
+        after == Some(next) && image == lattice.map(joint).unwrap_or_default()
     }
 
     /// Returns the strut between an edge and an image of another one or of itself, if there is one
@@ -263,7 +255,7 @@ impl Edges {
 
     /// Returns a segment of a spline, with the directions of its neighbours.
     pub fn side(&self, edge: &Edge) -> Side {
-        let neighbour = |k: u32| self.edges.get(k as usize).map(Edge::hull);
+        let neighbour = |k: Option<u32>| k.map(|k| self.get(k).hull());
         Side::new(edge.hull(), [edge.before, edge.after].map(neighbour))
     }
 
