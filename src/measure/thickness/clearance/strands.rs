@@ -29,57 +29,52 @@ const KNOWN: usize = 64;
 /// Arc lengths along the curves.
 #[derive(Debug)]
 pub(super) struct Arcs {
-    /// First segment of each curve, counted over all curves.
+    /// First number of each curve in `lengths`.
     first: Vec<usize>,
-    /// Length of the curve up to the start of each segment.
-    starts: Vec<f32>,
-    /// Length of each curve.
+    /// For each curve, its length up to the start of each segment, and then up to its end.
     lengths: Vec<f32>,
 }
 
 impl Arcs {
     /// Measures the chords of all segments.
     pub fn new(set: &CurveSet) -> Arcs {
-        let (mut first, mut lengths) = (Vec::new(), Vec::new());
-        let mut starts = Vec::with_capacity(set.segments());
+        let mut first = Vec::with_capacity(set.len());
+        let mut lengths = Vec::with_capacity(set.segments() + set.len());
         for (i, curve) in set.curves().iter().enumerate() {
-            first.push(starts.len());
+            first.push(lengths.len());
             let (mut length, mut from) = (0.0, set.knot(i, 0));
-            for s in 0..curve.segments as usize {
-                starts.push(length as f32);
-                let to = set.knot(i, s + 1);
+            lengths.push(0.0);
+            for s in 1..=curve.segments as usize {
+                let to = set.knot(i, s);
                 length += distance(from, to);
+                lengths.push(length as f32);
                 from = to;
             }
-            lengths.push(length as f32);
         }
-        Arcs {
-            first,
-            starts,
-            lengths,
-        }
+        Arcs { first, lengths }
     }
 
-    /// Returns the start and the end of a segment along its curve.
-    fn of(&self, i: usize, curve: &Curve, s: u32) -> [f64; 2] {
-        let at = self.first[i] + s as usize;
-        let end = match s + 1 < curve.segments {
-            true => self.starts[at + 1],
-            false => self.lengths[i],
-        };
-        [self.starts[at], end].map(f64::from)
+    /// Returns the length of curve `i` up to the start of segment `s`.
+    fn at(&self, i: usize, s: u32) -> f64 {
+        self.lengths[self.first[i] + s as usize].into()
+    }
+
+    /// Returns the length of a curve from the end of segment `s` to the start of segment `t`, and
+    /// from the end of `t` around a closed curve to the start of `s`.
+    fn both_ways(&self, i: usize, curve: &Curve, [s, t]: [u32; 2]) -> [f64; 2] {
+        let around = self.at(i, s) + self.at(i, curve.segments) - self.at(i, t + 1);
+        [self.at(i, t) - self.at(i, s + 1), around]
     }
 
     /// Returns the length along curve `i` between two segments. If both are in the same period, `s`
     /// is before `t`; otherwise `later` is the number of periods from `s` to `t`.
     fn between(&self, i: usize, curve: &Curve, [s, t]: [u32; 2], later: i32) -> f64 {
-        let [s, t] = [s, t].map(|s| self.of(i, curve, s));
         if later != 0 {
-            let by = f64::from(later) * f64::from(self.lengths[i]);
-            return (t[0] + by - s[1]).max(s[0] - t[1] - by);
+            let by = f64::from(later) * self.at(i, curve.segments);
+            let forward = self.at(i, t) + by - self.at(i, s + 1);
+            return forward.max(self.at(i, s) - self.at(i, t + 1) - by);
         }
-        let forward = t[0] - s[1];
-        let around = s[0] + f64::from(self.lengths[i]) - t[1];
+        let [forward, around] = self.both_ways(i, curve, [s, t]);
         match curve.closed {
             true => forward.min(around),
             false => forward,
@@ -102,12 +97,8 @@ impl Arcs {
             let k = usize::from(later < 0);
             return [near[k], far[k]];
         }
-        let lengths = |s: u32, t: u32| {
-            let [s, t] = [s, t].map(|s| self.of(i, curve, s));
-            [t[0] - s[1], s[0] + f64::from(self.lengths[i]) - t[1]]
-        };
-        let [near, far_around] = lengths(last_s, t);
-        let [far, near_around] = lengths(s, last_t);
+        let [near, far_around] = self.both_ways(i, curve, [last_s, t]);
+        let [far, near_around] = self.both_ways(i, curve, [s, last_t]);
         match curve.closed {
             true => [near.min(near_around), far.min(far_around)],
             false => [near, far],
