@@ -365,26 +365,21 @@ impl CellScene {
     /// Returns all expected linking numbers as reports name them. `verified` has those of the
     /// verified set, and `defects` the places of contacts with images.
     pub fn joined(&self, verified: &Certificate, given: usize, defects: &[Defect]) -> Certificate {
-        let is_own = |i: u32| (i as usize) < given;
-        let own = |i: u32, j: Option<u32>| is_own(i) && j.is_none_or(is_own);
-        let links = verified.links.iter().filter(|l| own(l.i, Some(l.j)));
-        let undefined = verified.undefined.iter().filter(|d| own(d.i, d.j));
-        let periodic = Certificate {
-            curves: given,
-            links: links.copied().collect(),
-            undefined: undefined.copied().collect(),
-            images: Some(Vec::new()),
-            periods: self.yarns.list(),
-            higher: Vec::new(),
-        };
-        let mut entries = periodic.entries().unwrap_or_default();
         let links = verified.links.iter();
         let links = links.map(|l| (self.pair(l.i, l.j), Some(l.lambda)));
         let undefined = verified.undefined.iter();
         let undefined = undefined.filter_map(|d| Some((self.pair(d.i, d.j?), None)));
-        entries.extend(links.chain(undefined).filter(|e| !is_home(&e.0.image)));
-        entries.extend(self.yarns.expected.iter().flatten());
-        entries.sort_unstable();
+        let of_yarns = self.yarns.expected.iter().flatten().copied();
+        let entries = sorted(links.chain(undefined).chain(of_yarns));
+        // A curve without any linking number is listed once, not for each of its images.
+        let single = |d: &&Defect| d.j.is_none() && (d.i as usize) < given;
+        let singles = verified.undefined.iter().filter(single);
+        let periodic = Certificate {
+            curves: given,
+            undefined: singles.copied().collect(),
+            periods: self.yarns.list(),
+            ..Certificate::default()
+        };
         let named = |d: &Defect| {
             let ImagePair { i, j, image } = self.pair(d.i, d.j?);
             let j = Some(j);
