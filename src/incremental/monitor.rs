@@ -138,24 +138,6 @@ impl Survey {
     }
 }
 
-/// Removes and returns the survey of a frame, if the frame was received and compared with this
-/// reference frame. Discards the surveys of earlier frames.
-fn take_survey(
-    received: &mut VecDeque<(u64, Survey)>,
-    reference: &Reference,
-    set: &CurveSet,
-    cell: Option<&Cell>,
-) -> Option<Survey> {
-    let k = received.iter().position(|(of, survey)| {
-        let contents = survey.contents.map(|(contents, _)| contents);
-        *of == reference.frame && contents == Some(set.contents())
-    })?;
-    let (_, survey) = received.drain(..=k).next_back()?;
-    // The cell may be known in another basis by now.
-    let same = survey.contents == Some((set.contents(), cell.copied()));
-    same.then_some(survey)
-}
-
 impl Monitor {
     /// Returns a monitor whose reference frames have this coverage, so that the ledger can skip
     /// pairs. They cover the pairs of a filter, or all.
@@ -214,13 +196,10 @@ impl Monitor {
         std::mem::swap(&mut self.previous, &mut self.current);
         *work = Work::default();
         self.reference.take_if(|k| !k.given.same_layout(set));
-        self.current = match &self.reference {
-            Some(reference) => {
-                let received = take_survey(&mut self.received, reference, set, cell);
-                received.unwrap_or_else(|| Survey::of(reference, set, cell))
-            }
-            None => Survey::default(),
-        };
+        let received = self.take_survey(set, cell);
+        let reference = self.reference.as_ref();
+        let survey = received.or_else(|| Some(Survey::of(reference?, set, cell)));
+        self.current = survey.unwrap_or_default();
         if let Some(built) = self.take_built(set, baseline) {
             self.adopt_if_better(built, set, cell);
         }
@@ -247,6 +226,20 @@ impl Monitor {
             work.route = Route::Quiet;
         }
         quiet
+    }
+
+    /// Removes and returns the survey of a frame, if the frame was received and compared with the
+    /// reference frame. Discards the surveys of earlier frames.
+    fn take_survey(&mut self, set: &CurveSet, cell: Option<&Cell>) -> Option<Survey> {
+        let reference = self.reference.as_ref()?;
+        let k = self.received.iter().position(|(of, survey)| {
+            let contents = survey.contents.map(|(contents, _)| contents);
+            *of == reference.frame && contents == Some(set.contents())
+        })?;
+        let (_, survey) = self.received.drain(..=k).next_back()?;
+        // The cell may be known in another basis by now.
+        let same = survey.contents == Some((set.contents(), cell.copied()));
+        same.then_some(survey)
     }
 
     /// Returns the pairs of curves (`(i, i)`: a curve and itself), sorted, that may have passed
