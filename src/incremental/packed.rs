@@ -16,10 +16,6 @@ use crate::curve::vector::per_axis;
 use crate::curve::{Point, Positions, bounds};
 use crate::simd::{LANES, Simd};
 
-/// Half a unit in the last place of 1, in single and in double precision.
-const U: f64 = f32::EPSILON as f64 / 2.0;
-const U_DOUBLE: f64 = f64::EPSILON / 2.0;
-
 /// Maximum share of the bound of a block by which the map may deviate from a translation, so that
 /// the block is compared by the translation. The deviation is subtracted from the bound. This
 /// comparison is cheaper.
@@ -78,7 +74,7 @@ impl Packed {
                 off += d * d;
             }
             if a < f32::INFINITY {
-                let rounding = 8.0 * U_DOUBLE * max_abs + 1e-150;
+                let rounding = 8.0 * f64::U * max_abs + 1e-150;
                 radius = radius.max(far.sqrt());
                 let a = f64::from(a).min(f32::LARGEST);
                 allowance = allowance.min(a - off.sqrt() * (1.0 + 1e-9) - rounding);
@@ -152,7 +148,7 @@ impl PackedCondition {
         let largest = affine.largest_row().max(1.0);
         let size = largest * reference + affine.t.amax();
         let error = match size < f32::LARGEST {
-            true => (3.0 * T::U + 32.0 * U_DOUBLE + IMAGES) * size + f64::from(f32::TINY),
+            true => (3.0 * T::U + 32.0 * f64::U + IMAGES) * size + f64::from(f32::TINY),
             // Nothing is proven if single precision may overflow.
             false => f64::INFINITY,
         };
@@ -160,9 +156,9 @@ impl PackedCondition {
         PackedCondition {
             affine: *affine,
             m: per_axis(|r| per_axis(|c| affine.m[(r, c)] as f32)),
-            sigma: affine.sigma * (1.0 - 64.0 * U),
+            sigma: affine.sigma * (1.0 - 64.0 * f32::U),
             error,
-            share: 32.0 * U * largest,
+            share: 32.0 * f32::U * largest,
             stray: stray * (1.0 + 1e-9),
         }
     }
