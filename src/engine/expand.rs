@@ -138,10 +138,7 @@ impl Engine {
             // known.
             known.joined = Some((given, Arc::default()));
         }
-        let bounds = match quiet {
-            true => self.monitor.quiet_bounds(next.curves),
-            false => None,
-        };
+        let bounds = self.monitor.quiet_bounds(next.curves).filter(|_| quiet);
         let search = self.image_search();
         let expected = known.joined.as_ref().map(|(joined, _)| &**joined);
         let followed = scene.follow(next.curves, &cell, bounds.as_ref(), expected, search)?;

@@ -122,7 +122,7 @@ impl Default for Ledger {
 }
 
 impl Ledger {
-    /// Returns a ledger with a motion limit in segment lengths.
+    /// Returns a ledger with a motion limit in segment lengths, and the coverage of all steps.
     pub fn new(motion_limit: f64, coverage: Coverage) -> Self {
         Ledger {
             motion_limit,
