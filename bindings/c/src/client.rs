@@ -42,27 +42,15 @@ fn duration(seconds: f64) -> Result<Duration, String> {
     duration.map_err(|why| format!("a wait of {seconds} seconds: {why}"))
 }
 
-/// Writes the absence of a verdict to memory of the caller, unless the pointer is null.
-///
-/// # Safety
-///
-/// `to` is null or valid.
-unsafe fn clear(to: *mut lw_verdict) {
-    // SAFETY: as promised by the caller.
-    if let Some(to) = unsafe { to.as_mut() } {
-        *to = lw_verdict::NONE;
-    }
-}
-
 /// Writes a verdict to memory of the caller, unless the pointer is null.
 ///
 /// # Safety
 ///
 /// `to` is null or valid.
-unsafe fn store(verdict: &linkwatch::VerdictMessage, to: *mut lw_verdict) {
+unsafe fn store(verdict: lw_verdict, to: *mut lw_verdict) {
     // SAFETY: as promised by the caller.
     if let Some(to) = unsafe { to.as_mut() } {
-        *to = verdict.into();
+        *to = verdict;
     }
 }
 
@@ -290,14 +278,14 @@ pub unsafe extern "C" fn lw_publish(client: *mut lw_client, seq: *mut u64) -> lw
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lw_poll(client: *mut lw_client, verdict: *mut lw_verdict) -> lw_status {
     // SAFETY: as promised by the caller.
-    unsafe { clear(verdict) };
+    unsafe { store(lw_verdict::NONE, verdict) };
     guard(LW_ERROR, || {
         // SAFETY: as promised by the caller.
         let this = unsafe { given(client, "client") }?;
         Ok(match this.client.poll().map_err(words)? {
             Some(message) => {
                 // SAFETY: as promised by the caller.
-                unsafe { store(&message, verdict) };
+                unsafe { store((&message).into(), verdict) };
                 LW_OK
             }
             None => LW_NOTHING,
@@ -322,7 +310,7 @@ pub unsafe extern "C" fn lw_wait(
     verdict: *mut lw_verdict,
 ) -> lw_status {
     // SAFETY: as promised by the caller.
-    unsafe { clear(verdict) };
+    unsafe { store(lw_verdict::NONE, verdict) };
     guard(LW_ERROR, || {
         // SAFETY: as promised by the caller.
         let this = unsafe { given(client, "client") }?;
@@ -330,7 +318,7 @@ pub unsafe extern "C" fn lw_wait(
         Ok(match outcome.map_err(words)? {
             Outcome::Verdict(message) => {
                 // SAFETY: as promised by the caller.
-                unsafe { store(&message, verdict) };
+                unsafe { store((&*message).into(), verdict) };
                 LW_OK
             }
             Outcome::Stale => {
@@ -378,14 +366,14 @@ pub unsafe extern "C" fn lw_wait_for_watcher(client: *mut lw_client, seconds: f6
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lw_aborted(client: *mut lw_client, verdict: *mut lw_verdict) -> bool {
     // SAFETY: as promised by the caller.
-    unsafe { clear(verdict) };
+    unsafe { store(lw_verdict::NONE, verdict) };
     guard(true, || {
         // SAFETY: as promised by the caller.
         let this = unsafe { given(client, "client") }?;
         let abort = this.client.aborted();
         if let Some(message) = abort {
             // SAFETY: as promised by the caller.
-            unsafe { store(message, verdict) };
+            unsafe { store(message.into(), verdict) };
         }
         Ok(abort.is_some())
     })
@@ -468,7 +456,7 @@ pub unsafe extern "C" fn lw_finish(
     last: *mut lw_verdict,
 ) -> lw_status {
     // SAFETY: as promised by the caller.
-    unsafe { clear(last) };
+    unsafe { store(lw_verdict::NONE, last) };
     guard(LW_ERROR, || {
         if client.is_null() {
             return Err("client is null".into());
@@ -483,7 +471,7 @@ pub unsafe extern "C" fn lw_finish(
         Ok(match goodbye {
             Some(message) => {
                 // SAFETY: as promised by the caller.
-                unsafe { store(&message, last) };
+                unsafe { store((&message).into(), last) };
                 LW_OK
             }
             None => {

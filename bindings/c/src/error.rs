@@ -96,6 +96,15 @@ pub(crate) unsafe fn free<T>(pointer: *mut T) {
     });
 }
 
+/// Passes values to the caller, and writes their number to `count`. Null if there are none.
+pub(crate) fn list<T>(values: &[T], count: &mut usize) -> *const T {
+    *count = values.len();
+    match values.is_empty() {
+        true => ptr::null(),
+        false => values.as_ptr(),
+    }
+}
+
 /// Passes an object to the caller.
 pub(crate) fn give<T>(made: impl FnOnce() -> Result<T, String>) -> *mut T {
     guard(ptr::null_mut(), || made().map(Box::new).map(Box::into_raw))

@@ -1,7 +1,7 @@
 //! Verification in process.
 
 use crate::curves::{cell, given_cell, labels, lw_frame, raw};
-use crate::error::{LW_ERROR, LW_OK, free, give, given, guard, lw_status, string, words};
+use crate::error::{LW_ERROR, LW_OK, free, give, given, guard, list, lw_status, string, words};
 use crate::verdict::lw_verdict;
 use linkwatch::{
     AbortOn, Cell, Certificate, Certifier, Clearance, ClearanceOptions, Closing, ClosingNote,
@@ -156,11 +156,7 @@ pub unsafe extern "C" fn lw_certificate_links(
     guard(ptr::null(), || {
         // SAFETY: as promised by the caller.
         let (this, count) = unsafe { (given(certificate, "certificate")?, given(count, "count")?) };
-        *count = this.links.len();
-        Ok(match this.links.is_empty() {
-            true => ptr::null(),
-            false => this.links.as_ptr(),
-        })
+        Ok(list(&this.links, count))
     })
 }
 
@@ -178,11 +174,7 @@ pub unsafe extern "C" fn lw_certificate_images(
     guard(ptr::null(), || {
         // SAFETY: as promised by the caller.
         let (this, count) = unsafe { (given(certificate, "certificate")?, given(count, "count")?) };
-        *count = this.images.len();
-        Ok(match this.images.is_empty() {
-            true => ptr::null(),
-            false => this.images.as_ptr(),
-        })
+        Ok(list(&this.images, count))
     })
 }
 

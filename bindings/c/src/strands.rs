@@ -2,7 +2,7 @@
 
 use crate::curves::{given_cell, lw_frame, raw};
 use crate::error::{
-    LW_ERROR, LW_NOTHING, LW_OK, describe, free, give, given, guard, lw_status, string, words,
+    LW_ERROR, LW_NOTHING, LW_OK, describe, free, give, given, guard, list, lw_status, string, words,
 };
 use crate::session::lw_session;
 use linkwatch::{Axis, Closing, CurveSet, CurveSource, Ribbon, RibbonOptions, Thickness, struts};
@@ -177,11 +177,7 @@ pub unsafe extern "C" fn lw_struts_list(
     guard(ptr::null(), || {
         // SAFETY: as promised by the caller.
         let (this, count) = unsafe { (given(struts, "struts")?, given(count, "count")?) };
-        *count = this.struts.len();
-        Ok(match this.struts.is_empty() {
-            true => ptr::null(),
-            false => this.struts.as_ptr(),
-        })
+        Ok(list(&this.struts, count))
     })
 }
 

@@ -1,6 +1,6 @@
 //! Verdicts and messages, as a C struct.
 
-use linkwatch::{ChangeKind, Counters, Finding, MessageKind, Report, VerdictMessage};
+use linkwatch::{ChangeKind, Finding, MessageKind, Report, VerdictMessage};
 use std::ffi::c_char;
 
 /// Every linking number was proven to be the expected one.
@@ -153,9 +153,10 @@ impl lw_verdict {
         text: [0; LW_TEXT],
     };
 
-    fn add_finding(&mut self, finding: &Finding) {
-        match finding {
-            Finding::Change(c) => {
+    /// Adds the first finding, if there is one.
+    fn with_first(mut self, first: Option<&Finding>) -> lw_verdict {
+        match first {
+            Some(Finding::Change(c)) => {
                 self.finding = LW_FINDING_CHANGE;
                 (self.i, self.j, self.image) = (c.i, c.j, c.image);
                 if let Some(place) = &c.place {
@@ -163,14 +164,14 @@ impl lw_verdict {
                     (self.segments, self.point) = (place.segments, place.point);
                 }
             }
-            Finding::Event(p) => {
+            Some(Finding::Event(p)) => {
                 self.finding = LW_FINDING_PULL_THROUGH;
                 (self.i, self.j, self.image) = (p.i, p.j, p.image);
                 self.has_place = true;
                 (self.segments, self.point) = (p.segments, p.point);
                 self.fraction = p.fraction;
             }
-            Finding::Defect(d) => {
+            Some(Finding::Defect(d)) => {
                 self.finding = LW_FINDING_DEFECT;
                 (self.i, self.j) = (d.i, d.j.unwrap_or(LW_NO_CURVE));
                 self.image = d.image;
@@ -179,22 +180,18 @@ impl lw_verdict {
             }
             _ => {}
         }
+        self
     }
 }
 
 impl From<&VerdictMessage> for lw_verdict {
     fn from(m: &VerdictMessage) -> lw_verdict {
-        let Counters {
-            verified,
-            skipped,
-            rejected,
-        } = m.counters;
         let kind = match m.kind {
             MessageKind::Verdict => LW_VERDICT,
             MessageKind::Goodbye => LW_GOODBYE,
             _ => LW_HELLO,
         };
-        let mut out = lw_verdict {
+        let verdict = lw_verdict {
             seq: m.seq,
             time: m.time,
             kind,
@@ -215,16 +212,13 @@ impl From<&VerdictMessage> for lw_verdict {
             recovered: m.recovered,
             last_intact: m.last_intact.unwrap_or(LW_NO_FRAME),
             safe_fraction: m.safe_fraction.unwrap_or(f64::NAN),
-            frames_verified: verified,
-            frames_skipped: skipped,
-            frames_rejected: rejected,
+            frames_verified: m.counters.verified,
+            frames_skipped: m.counters.skipped,
+            frames_rejected: m.counters.rejected,
             text: text(&m.to_string()),
             ..lw_verdict::NONE
         };
-        if let Some(finding) = &m.first {
-            out.add_finding(finding);
-        }
-        out
+        verdict.with_first(m.first.as_ref())
     }
 }
 
@@ -237,7 +231,7 @@ impl lw_verdict {
             .or(r.events.first().copied().map(Finding::Event))
             .or(r.defects.first().copied().map(Finding::Defect));
         let sentences = [r.headline()].into_iter().chain(r.findings_named(names));
-        let mut out = lw_verdict {
+        let verdict = lw_verdict {
             seq: r.seq,
             time: r.time,
             kind: LW_VERDICT,
@@ -257,9 +251,6 @@ impl lw_verdict {
             text: text(&sentences.take(8).collect::<Vec<_>>().join("; ")),
             ..lw_verdict::NONE
         };
-        if let Some(finding) = &first {
-            out.add_finding(finding);
-        }
-        out
+        verdict.with_first(first.as_ref())
     }
 }
