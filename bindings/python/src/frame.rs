@@ -3,7 +3,7 @@
 
 use crate::call::guarded;
 use crate::{exception, without_unwrapping};
-use linkwatch::{Basis, Cell, Closing, CurveSource, Positions, RawFrame};
+use linkwatch::{Basis, Cell, Closing, ClosingNote, CurveSource, Error, Positions, RawFrame};
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -55,16 +55,23 @@ pub fn cell(numbers: [f64; 12]) -> Cell {
 
 /// Returns the basis of this name.
 pub fn basis(name: &str) -> PyResult<Basis> {
-    match name {
-        "polyline" => Ok(Basis::Polyline),
-        "catmull-rom" => Ok(Basis::CatmullRom),
-        "b-spline" => Ok(Basis::BSpline),
-        "bezier" => Ok(Basis::Bezier),
-        other => {
-            let known = "expected polyline, catmull-rom, b-spline or bezier";
-            Err(PyValueError::new_err(format!("basis {other:?}: {known}")))
-        }
+    let unknown = |e: Error| PyValueError::new_err(format!("basis {name:?}: {e}"));
+    name.parse().map_err(unknown)
+}
+
+/// Returns what else is known of the curves of a frame: the numbers of its cell, and if curves are
+/// closed only by default.
+pub fn source(cell_numbers: Option<[f64; 12]>, closed_by_default: bool) -> CurveSource {
+    CurveSource {
+        cell: cell_numbers.map(cell),
+        closed_by_default,
+        ..CurveSource::default()
     }
+}
+
+/// Returns decisions about closed and open curves as sentences.
+pub fn sentences(notes: &[ClosingNote]) -> Vec<String> {
+    notes.iter().map(ToString::to_string).collect()
 }
 
 /// Returns a frame of the curves with these points.
@@ -91,11 +98,7 @@ pub fn decided_counts(
     closed_by_default: bool,
 ) -> PyResult<(Vec<i32>, Vec<String>, Option<String>)> {
     let frame = raw(&points, &counts, basis_name)?;
-    let source = CurveSource {
-        cell: cell_numbers.map(cell),
-        closed_by_default,
-        ..CurveSource::default()
-    };
+    let source = source(cell_numbers, closed_by_default);
     guarded(|| {
         let mut closing = Closing::default();
         let set = closing.curves(frame, source).map_err(exception)?;
@@ -103,10 +106,9 @@ pub fn decided_counts(
         let torn = cell.and_then(|cell| set.check_whole(&cell).err());
         let decided = set.curves().iter().zip(&counts);
         let decided = decided.map(|(curve, n)| if curve.closed { -n.abs() } else { n.abs() });
-        let notes = closing.take_notes();
-        let notes = notes.iter().map(ToString::to_string);
+        let notes = sentences(&closing.take_notes());
         let torn = torn.map(|e| without_unwrapping(&e));
-        Ok((decided.collect(), notes.collect(), torn))
+        Ok((decided.collect(), notes, torn))
     })
 }
 

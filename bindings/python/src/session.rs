@@ -2,12 +2,12 @@
 
 use crate::call::{Shared, guarded, watched};
 use crate::certificate::Certificate;
-use crate::frame::{Points, basis, cell, raw};
+use crate::frame::{Points, basis, cell, raw, sentences, source};
 use crate::result::{packed, report, unpacked};
 use crate::{exception, without_unwrapping};
 use linkwatch::{
-    Basis, Cell, ClearanceOptions, Closing, ClosingNote, CurveLabels, CurveSet, CurveSource, Error,
-    FrameInfo, RawFrame, SessionOptions, SessionState, Strategy, VerifiedFrame, period,
+    Basis, Cell, ClearanceOptions, Closing, ClosingNote, CurveLabels, CurveSet, Error, FrameInfo,
+    RawFrame, SessionOptions, SessionState, Strategy, VerifiedFrame, period,
 };
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -52,7 +52,8 @@ struct State {
     /// True if each curve has its own radius.
     has_radii: bool,
     /// Open curves, and the layout of the verified frame that has them.
-    open: Option<(u32, Vec<u32>)>,
+    open: Vec<u32>,
+    layout: Option<u32>,
     /// Largest number of open curves of a verified frame, without those that run through the cell.
     most_open: u64,
     /// Results of the last frame.
@@ -116,7 +117,8 @@ impl Session {
                 most: LARGE,
                 next,
                 has_radii: strands.is_some_and(|(radius, _)| radius.is_none()),
-                open: None,
+                open: Vec::new(),
+                layout: None,
                 most_open: 0,
                 notes: Vec::new(),
                 jumps: 0,
@@ -260,14 +262,12 @@ impl Session {
 
     /// Returns what the last frame decided about closed and open curves.
     fn notes(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        self.run(py, |state| {
-            Ok(state.notes.iter().map(ToString::to_string).collect())
-        })
+        self.run(py, |state| Ok(sentences(&state.notes)))
     }
 
     /// Returns the open curves of the last verified frame.
     fn open(&self, py: Python<'_>) -> PyResult<Vec<u32>> {
-        self.run(py, |state| Ok(state.open()))
+        self.run(py, |state| Ok(state.open.clone()))
     }
 
     /// Returns the largest number of curves of a verified frame without linking numbers: those that
@@ -283,7 +283,7 @@ impl Session {
     fn baseline(&self, py: Python<'_>) -> PyResult<Option<Certificate>> {
         self.run(py, |state| {
             let baseline = state.session().complete_baseline();
-            Ok(baseline.map(|numbers| Certificate::new(numbers, state.open())))
+            Ok(baseline.map(|numbers| Certificate::new(numbers, state.open.clone())))
         })
     }
 }
@@ -364,22 +364,16 @@ impl State {
         let verified = outcome.map_err(exception)?;
         let info = &verified.info;
         if let Some(set) = &verified.curves
-            && self.open.as_ref().is_none_or(|of| of.0 != info.layout)
+            && self.layout != Some(info.layout)
         {
-            self.open = Some((info.layout, open_curves(set, info.cell.as_ref())));
+            self.open = open_curves(set, info.cell.as_ref());
+            self.layout = Some(info.layout);
         }
         self.most_open = self.most_open.max(verified.report.stats.open_curves);
         self.notes.clone_from(&verified.notes);
         self.jumps = verified.jumps;
         self.unmeasured.clone_from(&verified.unmeasured);
         Ok(verified)
-    }
-
-    fn open(&self) -> Vec<u32> {
-        self.open
-            .as_ref()
-            .map(|of| of.1.clone())
-            .unwrap_or_default()
     }
 }
 
@@ -398,11 +392,7 @@ pub fn certify(
     cell_numbers: Option<[f64; 12]>,
 ) -> PyResult<(Certificate, Vec<String>)> {
     let frame = raw(&points, &counts, basis_name)?;
-    let source = CurveSource {
-        cell: cell_numbers.map(cell),
-        closed_by_default,
-        ..CurveSource::default()
-    };
+    let source = source(cell_numbers, closed_by_default);
     let cell = source.cell;
     guarded(|| {
         if let Some(cell) = &cell {
@@ -435,8 +425,7 @@ pub fn certify(
         })?;
         signals?;
         let numbers = found.map_err(|e| PyValueError::new_err(without_unwrapping(&e)))?;
-        let notes = closing.take_notes();
-        let notes = notes.iter().map(ToString::to_string).collect();
+        let notes = sentences(&closing.take_notes());
         Ok((Certificate::new(numbers, open), notes))
     })
 }
