@@ -2,7 +2,7 @@
 
 use crate::call::argument;
 use crate::exception;
-use crate::result::{changes, defects, packed, result, unpacked};
+use crate::result::{json, packed, result, unpacked};
 use numpy::{Element, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -52,12 +52,13 @@ impl Certificate {
         )))
     }
 
-    /// Returns the symmetric matrix of the linking numbers, with 0 for all other pairs.
-    fn filled<'py, T: Element + Copy>(
+    /// Returns the symmetric matrix with these entries, and with 0 for all other pairs. If a pair
+    /// has several entries, the last one counts.
+    fn symmetric<'py, T: Element + Copy>(
         &self,
         py: Python<'py>,
-        convert: impl Fn(i64) -> T,
-    ) -> PyResult<Bound<'py, PyArray2<T>>> {
+        entries: impl Iterator<Item = (u32, u32, T)>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let n = self.numbers.curves();
         // Raises MemoryError if the matrix is too large.
         let zeros = py.import("numpy")?.getattr("zeros")?;
@@ -65,12 +66,12 @@ impl Certificate {
         let matrix = matrix.cast_into::<PyArray2<T>>()?;
         let mut write = matrix.try_readwrite()?;
         let mut cells = write.as_array_mut();
-        for l in self.numbers.links() {
-            let (i, j, lambda) = (l.i as usize, l.j as usize, convert(l.lambda));
-            (cells[[i, j]], cells[[j, i]]) = (lambda, lambda);
+        for (i, j, value) in entries {
+            let (i, j) = (i as usize, j as usize);
+            (cells[[i, j]], cells[[j, i]]) = (value, value);
         }
         drop(write);
-        Ok(matrix)
+        Ok(matrix.into_any())
     }
 }
 
@@ -133,12 +134,9 @@ impl Certificate {
     /// Pairs and curves without a linking number.
     #[getter]
     fn undefined(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        result(
-            py,
-            "Defect",
-            defects(self.numbers.undefined(), 0.0, &[]),
-            &[],
-        )
+        let undefined = self.numbers.undefined();
+        let words = undefined.iter().map(|d| d.sentence_named(0.0, &[]));
+        result(py, "Defect", (json(&undefined), words.collect()), &[])
     }
 
     /// The fields of `linkwatch certify --json`, and the open curves.
@@ -180,31 +178,21 @@ impl Certificate {
         py: Python<'py>,
         undefined: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        let links = self.numbers.links().iter();
         let Some(value) = undefined else {
             self.check_defined()?;
-            return Ok(self.filled(py, |lambda| lambda)?.into_any());
+            return self.symmetric(py, links.map(|l| (l.i, l.j, l.lambda)));
         };
         let value: f64 = argument("undefined", value, "a number")?;
-        let matrix = self.filled(py, |lambda| lambda as f64)?;
-        let mut write = matrix.try_readwrite()?;
-        let mut cells = write.as_array_mut();
-        let mut fill = |i: u32, j: u32| {
-            let (i, j) = (i as usize, j as usize);
-            (cells[[i, j]], cells[[j, i]]) = (value, value);
-        };
-        for defect in self.numbers.undefined() {
-            if let Some(j) = defect.j {
-                fill(defect.i, j);
-            }
-        }
-        let alone = self.numbers.undefined().iter().filter(|d| d.j.is_none());
-        let alone = alone.map(|d| d.i).chain(self.open.iter().copied());
-        for i in alone {
-            let others = (0..self.numbers.curves() as u32).filter(|&j| j != i);
-            others.for_each(|j| fill(i, j));
-        }
-        drop(write);
-        Ok(matrix.into_any())
+        let links = links.map(|l| (l.i, l.j, l.lambda as f64));
+        let defects = self.numbers.undefined().iter();
+        let pairs = defects.clone().filter_map(|d| Some((d.i, d.j?, value)));
+        let alone = defects.filter(|d| d.j.is_none()).map(|d| d.i);
+        let alone = alone.chain(self.open.iter().copied()).flat_map(|i| {
+            let others = (0..self.numbers.curves() as u32).filter(move |&j| j != i);
+            others.map(move |j| (i, j, value))
+        });
+        self.symmetric(py, links.chain(pairs).chain(alone))
     }
 
     /// Linking numbers that differ from those of a baseline. Pairs and curves without a linking
@@ -225,7 +213,9 @@ impl Certificate {
             let category = py.import("linkwatch")?.getattr("UnverifiedWarning")?;
             PyErr::warn(py, &category, &CString::new(what)?, 1)?;
         }
-        result(py, "Change", changes(&compared.changes, 0.0, &[]), &[])
+        let changes = &compared.changes;
+        let words = changes.iter().map(|c| c.sentence_named(0.0, &[]));
+        result(py, "Change", (json(changes), words.collect()), &[])
     }
 
     fn __str__(&self) -> String {

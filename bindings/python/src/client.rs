@@ -3,7 +3,7 @@
 use crate::call::{SLICE, Shared, guarded, watched};
 use crate::exception;
 use crate::frame::{basis, cell};
-use crate::result::{changes, defects, pull_throughs, result};
+use crate::result::{json, result};
 use linkwatch::{
     Basis, ClientOptions, CurveLabels, Finding, FrameMemory, MessageKind, Outcome, Precision,
     VerdictMessage,
@@ -100,14 +100,13 @@ impl Message {
     #[getter]
     fn first(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         let (extent, names) = (self.0.extent, &self.0.names);
-        let (class, found) = match &self.0.first {
-            Some(Finding::Change(c)) => ("Change", changes(&[*c], extent, names)),
-            Some(Finding::Event(p)) => ("PullThrough", pull_throughs(&[*p], extent, names)),
-            Some(Finding::Defect(d)) => ("Defect", defects(&[*d], extent, names)),
+        let (class, json, words) = match &self.0.first {
+            Some(Finding::Change(c)) => ("Change", json(c), c.sentence_named(extent, names)),
+            Some(Finding::Event(p)) => ("PullThrough", json(p), p.sentence_named(extent, names)),
+            Some(Finding::Defect(d)) => ("Defect", json(d), d.sentence_named(extent, names)),
             _ => return Ok(None),
         };
-        let found = result(py, class, found, names)?;
-        found.bind(py).get_item(0).map(|first| Some(first.unbind()))
+        result(py, class, (json, vec![words]), names).map(Some)
     }
 
     /// Last frame that is known to be intact; None if there is none.

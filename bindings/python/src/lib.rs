@@ -74,12 +74,8 @@ fn exception(error: linkwatch::Error) -> PyErr {
     match error {
         Error::File { path, source } => match source.raw_os_error() {
             Some(code) => {
-                let reason = source.to_string();
-                let reason = reason
-                    .split(" (os error")
-                    .next()
-                    .unwrap_or_default()
-                    .to_owned();
+                let mut reason = source.to_string();
+                reason.truncate(reason.find(" (os error").unwrap_or(reason.len()));
                 PyOSError::new_err((code, reason, path))
             }
             None => PyOSError::new_err(words),

@@ -1,7 +1,7 @@
 //! Results as Python objects: their JSON and their words, which `python/linkwatch/_results.py`
 //! turns into objects.
 
-use linkwatch::{Change, Defect, PullThrough, Report, Verdict};
+use linkwatch::{Report, Verdict};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -56,24 +56,6 @@ pub fn report(py: Python<'_>, report: &Report, names: &[String]) -> PyResult<Py<
     known.set_item("_plain", is_plain)?;
     let made = MADE.import(py, "linkwatch._results", "made_report")?;
     Ok(made.call1((text, words, names, known))?.unbind())
-}
-
-/// Returns changes as JSON and as text. `extent` is that of the scene, 0 if it is unknown.
-pub fn changes(list: &[Change], extent: f64, names: &[String]) -> Described {
-    let words = list.iter().map(|c| c.sentence_named(extent, names));
-    (json(&list), words.collect())
-}
-
-/// Returns pull-throughs as [`changes`].
-pub fn pull_throughs(list: &[PullThrough], extent: f64, names: &[String]) -> Described {
-    let words = list.iter().map(|e| e.sentence_named(extent, names));
-    (json(&list), words.collect())
-}
-
-/// Returns defects as [`changes`].
-pub fn defects(list: &[Defect], extent: f64, names: &[String]) -> Described {
-    let words = list.iter().map(|d| d.sentence_named(extent, names));
-    (json(&list), words.collect())
 }
 
 /// Returns the bytes of a state for pickle and other processes.
