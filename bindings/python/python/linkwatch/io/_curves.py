@@ -462,7 +462,6 @@ def curves_of_edges(points: Array, edges: Array, scene: Scene, what: str) -> Non
     scene.curves += [Curve(points[one.nodes], one.closed) for one in found if not one.side]
     branched = [one.nodes for one in found if one.side] + networks
     for nodes in branched:
-        kind = f"of {what} with branches"
-        scene.left_out.add(f"set {kind}", f"sets {kind}", f"at point {min(nodes)}")
+        scene.left_out.add(f"set(s) of {what} with branches", f"at point {min(nodes)}")
     if found:
         scene.notes.append(f"{what} that share a point are joined")

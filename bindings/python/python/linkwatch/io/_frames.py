@@ -213,8 +213,10 @@ class LeftOut:
     def __init__(self) -> None:
         self._found: dict[tuple[str, str], tuple[int, str]] = {}
 
-    def add(self, one: str, many: str, place: str, number: int = 1) -> None:
-        """Counts elements of a kind, whose name is given in singular and plural."""
+    def add(self, kind: str, place: str, number: int = 1, many: str = "") -> None:
+        """Counts elements of a kind. Its plural follows from ``(s)`` after the noun, or is given
+        as well."""
+        one, many = kind.replace("(s)", "", 1), many or kind.replace("(s)", "s", 1)
         count, first = self._found.get((one, many), (0, place))
         if number:
             self._found[one, many] = count + number, first

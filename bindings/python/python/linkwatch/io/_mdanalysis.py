@@ -251,9 +251,8 @@ def _bonded(atoms: Any, scene: Scene) -> list[Molecule] | None:
         return None
     found, networks = molecules(bonds)
     for nodes in networks:
-        kind = "with several loops, or a loop and a longer chain"
-        place = f"{len(nodes)} atoms from the index {min(nodes)} on"
-        scene.left_out.add(f"molecule {kind}", f"molecules {kind}", place)
+        kind = "molecule(s) with several loops, or a loop and a longer chain"
+        scene.left_out.add(kind, f"{len(nodes)} atoms from the index {min(nodes)} on")
     branched = [one for one in found if one.side]
     if branched:
         rings = sum(one.closed for one in branched)
@@ -269,9 +268,8 @@ def _bonded(atoms: Any, scene: Scene) -> list[Molecule] | None:
     chains = _of_life(single)
     if len(chains):
         # Some files have the bonds of ligands only.
-        kind = "of proteins or nucleic acids without bonds"
-        place = f"the index {chains[0].index}"
-        scene.left_out.add(f"atom {kind}", f"atoms {kind}", place, len(chains))
+        kind = "atom(s) of proteins or nucleic acids without bonds"
+        scene.left_out.add(kind, f"the index {chains[0].index}", len(chains))
     if len(single) > len(chains):
         scene.notes.append(f"{len(single) - len(chains)} atoms without bonds are no curves")
     return found
@@ -314,7 +312,7 @@ def _grouped(atoms: Any, scene: Scene, path: Path, closed: bool | None) -> list[
     if closed is None and not len(_of_life(atoms)):
         # Rings would be verified without the bonds that close them.
         where = "`closed=True` or `closed=False` decides"
-        scene.left_out.add("possible closing bond", "possible closing bonds", where, len(found))
+        scene.left_out.add("possible closing bond(s)", where, len(found))
     return found
 
 

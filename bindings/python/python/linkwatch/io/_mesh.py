@@ -60,14 +60,12 @@ def _lines(scene: Scene, points: Array, lines: Sequence[Array]) -> Scene:
         if len(line) == 2:
             edges.append(line)
         elif len(line) < 2:
-            scene.left_out.add("line of one point", "lines of one point", f"line {k}")
+            scene.left_out.add("line(s) of one point", f"line {k}")
         else:
             closed = bool(line[0] == line[-1])
             if closed and len(line) < 4:
-                kind = "after two points"
-                scene.left_out.add(
-                    f"line that returns {kind}", f"lines that return {kind}", f"line {k}"
-                )
+                many = "lines that return after two points"
+                scene.left_out.add("line that returns after two points", f"line {k}", many=many)
                 continue
             scene.curves.append(Curve(points[line[: len(line) - closed]], closed))
     if edges:
@@ -88,8 +86,7 @@ def _note_vectors(scene: Scene, names: Iterable[str]) -> None:
     """Counts the vectors at points that may displace these."""
     for name in names:
         if name.lower() in DISPLACEMENTS:
-            kind = "that may displace the points"
-            scene.left_out.add(f"array {kind}", f"arrays {kind}", name)
+            scene.left_out.add("array(s) that may displace the points", name)
 
 
 def _joined(scene: Scene, lines: Sequence[Array]) -> list[tuple[int, Array]]:
@@ -174,7 +171,7 @@ def _cells_with_lines(scene: Scene, cells: Sequence[Array], kinds: Array) -> lis
     for kind, name in CURVED.items():
         found = np.flatnonzero(kinds == kind)
         if len(found):
-            scene.left_out.add(name, f"{name}s", f"cell {found[0]}", len(found))
+            scene.left_out.add(f"{name}(s)", f"cell {found[0]}", len(found))
     return [cell for cell, kind in zip(cells, kinds) if kind in (LINE, POLYLINE)]
 
 
@@ -501,8 +498,7 @@ def read_ply(path: Path) -> Scene:
     points = _columns(path, vertices, "vertex", ("x", "y", "z"))
     for name, (_, lists) in elements.items():
         if name not in ("vertex", "edge", "face", "tristrips", "material", "camera") and lists:
-            what = f"with lists of points ({name})"
-            scene.left_out.add(f"element {what}", f"elements {what}", f"{name} 0", lists)
+            scene.left_out.add(f"element(s) with lists of points ({name})", f"{name} 0", lists)
     if "edge" not in elements:
         return scene
     edges = elements["edge"][0]
@@ -630,7 +626,7 @@ def read_meshio(path: Path) -> Scene:
         if block.type == "line":
             lines += list(np.asarray(block.data, np.int64))
         elif block.type.startswith(("line", "VTK_LAGRANGE_CURVE", "VTK_BEZIER_CURVE")):
-            scene.left_out.add("curved line", "curved lines", block.type, len(block.data))
+            scene.left_out.add("curved line(s)", block.type, len(block.data))
     return _lines(scene, points, lines)
 
 
@@ -684,7 +680,7 @@ def _check_nastran(path: Path, scene: Scene) -> None:
                 "coordinate system"
             )
         if name in NASTRAN or name in NASTRAN_LINES and name != word:
-            scene.left_out.add(f"element {word}", f"elements {word}", card.strip())
+            scene.left_out.add(f"element(s) {word}", card.strip())
 
 
 def read_files(parse: Callable[[Path], Scene]) -> Callable[[Sequence[Path], Options], Frames]:

@@ -81,8 +81,8 @@ def read_coils(path: Path) -> Scene:
             if len(points) > 2:
                 scene.curves.append(Curve(np.array(points), False, name))
             else:  # a circular filament has its radius, height and current in one line
-                kind = "of MAKEGRID with fewer than 3 points"
-                scene.left_out.add(f"coil {kind}", f"coils {kind}", f"line {lines.number}")
+                kind = "coil(s) of MAKEGRID with fewer than 3 points"
+                scene.left_out.add(kind, f"line {lines.number}")
             points = []
     if points or not ended:
         what = "before a line with the current 0" if points else "without a line `end`"
@@ -99,7 +99,7 @@ NO_CURVES = frozenset(
 # Those that are curves of other kinds.
 UNREAD = {
     "curv2": ("curve on a surface (curv2)", "curves on surfaces (curv2)"),
-    "cdc": ("free-form curve", "free-form curves"),
+    "cdc": ("free-form curve(s)", ""),
 }
 
 
@@ -143,8 +143,8 @@ def read_obj(path: Path) -> Scene:
         elif name == "parm" and words[:1] == ["u"]:
             knots += words[1:]
         elif name not in NO_CURVES:
-            kinds = UNREAD.get(name, ("unknown statement", "unknown statements"))
-            scene.left_out.add(*kinds, f"line {lines.number}: {name!r}")
+            what, many = UNREAD.get(name, ("unknown statement(s)", ""))
+            scene.left_out.add(what, f"line {lines.number}: {name!r}", many=many)
     points = np.array(vertices).reshape(-1, 4)
     curves_of_edges(points[:, :3], np.array(edges), scene, "lines")
     for lines.number, numbers, spline, knots in curves:
@@ -161,7 +161,7 @@ def read_obj(path: Path) -> Scene:
             pieces = _bezier_of_obj(control, spline, parameters, lines)
             scene.curves.append(Curve(pieces, name="bezier"))
         except _Unread as why:
-            scene.left_out.add("free-form curve", "free-form curves", f"line {lines.number}, {why}")
+            scene.left_out.add("free-form curve(s)", f"line {lines.number}, {why}")
     if any(curve.name for curve in scene.curves):
         scene.basis = "bezier"
         for curve in scene.curves:
@@ -315,7 +315,8 @@ def read_texgen(path: Path) -> Scene:
         try:
             points = _spline(points, tangents, _interpolation(yarn), scene.basis)
         except ValueError as why:
-            scene.left_out.add("yarn that is not read", "yarns that are not read", f"{name}: {why}")
+            many = "yarns that are not read"
+            scene.left_out.add("yarn that is not read", f"{name}: {why}", many=many)
             continue
         scene.curves.append(Curve(points, False, name))
         for repeat in yarn.findall("Repeat"):

@@ -94,8 +94,7 @@ class _Scene:
         self.left_out = LeftOut()
         self.batches: list[_Batch] = []
         for error in stage.GetCompositionErrors():
-            kind = "that cannot be opened"
-            self.left_out.add(f"part of the stage {kind}", f"parts of the stage {kind}", str(error))
+            self.left_out.add("part(s) of the stage that cannot be opened", str(error))
         prims = self._below(stage.GetPseudoRoot(), self.usd.PrimDefaultPredicate)
         for prim in prims:
             if prim.IsA(self.geom.PointInstancer):
@@ -128,15 +127,14 @@ class _Scene:
         for k, target in enumerate(targets):
             prototype = stage.GetPrimAtPath(target)
             if not prototype:
-                self.left_out.add("missing prototype", "missing prototypes", str(target))
+                self.left_out.add("missing prototype(s)", str(target))
                 continue
             prims = self._below(prototype, predicate)
             for prim in prims:
                 if prim.IsA(self.geom.PointInstancer):
                     prims.PruneChildren()
-                    kind = "in the prototype of another one"
-                    path = str(prim.GetPath())
-                    self.left_out.add(f"PointInstancer {kind}", f"PointInstancers {kind}", path)
+                    kind = "PointInstancer(s) in the prototype of another one"
+                    self.left_out.add(kind, str(prim.GetPath()))
                 else:
                     self._add(prim, (instancer, k, prototype))
 
@@ -148,18 +146,16 @@ class _Scene:
             if all(has) and not prim.IsA(geom.Mesh):
                 self.left_out.add(
                     "prim of an unknown type with curves",
-                    "prims of unknown types with curves",
                     f"{path} of type {prim.GetTypeName() or 'none'}",
+                    many="prims of unknown types with curves",
                 )
         elif geom.Imageable(prim).ComputePurpose() in ("proxy", "guide"):
-            kind = "with curves of purpose proxy or guide"
-            self.left_out.add(f"prim {kind}", f"prims {kind}", path)
+            self.left_out.add("prim(s) with curves of purpose proxy or guide", path)
         else:
             try:
                 self.batches.append(_Batch(self, prim, copied))
             except Unread as why:
-                kind = "with curves that are not read"
-                self.left_out.add(f"prim {kind}", f"prims {kind}", f"{path}: {why}")
+                self.left_out.add("prim(s) with curves that are not read", f"{path}: {why}")
 
     def frames(self) -> Iterator[Frame]:
         """Yields a frame for each time code at which something has a sample."""
