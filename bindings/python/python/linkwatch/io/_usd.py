@@ -450,12 +450,8 @@ class _Batch:
 
 def _basis_and_wrap(curves: Any) -> tuple[str, str]:
     """Returns basis and wrap of ``BasisCurves``."""
-    found = []
-    for attribute in (curves.GetTypeAttr(), curves.GetBasisAttr(), curves.GetWrapAttr()):
-        if attribute.GetTimeSamples():
-            raise Unread(f"{attribute.GetName()} changes over time")
-        found.append(str(attribute.Get()))
-    kind, basis, wrap = found
+    attributes = (curves.GetTypeAttr(), curves.GetBasisAttr(), curves.GetWrapAttr())
+    kind, basis, wrap = (str(_fixed(attribute)) for attribute in attributes)
     if kind not in ("linear", "cubic"):
         raise Unread(f"type {kind!r}; linear and cubic are read")
     if kind == "cubic" and basis not in BASES:
@@ -469,6 +465,13 @@ def _basis_and_wrap(curves: Any) -> tuple[str, str]:
     return basis, wrap
 
 
+def _fixed(attribute: Any) -> Any:
+    """Returns the value of an attribute, which must not change over time."""
+    if attribute.GetTimeSamples():
+        raise Unread(f"{attribute.GetName()} changes over time")
+    return attribute.Get()
+
+
 class _Knots(NamedTuple):
     """Parameters of a NURBS curve: its order, knots, and the range that is drawn."""
 
@@ -480,19 +483,15 @@ class _Knots(NamedTuple):
 
 def _basis_of_nurbs(curves: Any) -> tuple[str, list[_Knots]]:
     """Returns the basis of NURBS curves, and their parameters if they become Bezier pieces."""
-    attributes = {
-        "curveVertexCounts": curves.GetCurveVertexCountsAttr(),
-        "order": curves.GetOrderAttr(),
-        "knots": curves.GetKnotsAttr(),
-        "ranges": curves.GetRangesAttr(),
-        "pointWeights": curves.GetPointWeightsAttr(),
-    }
-    for name, attribute in attributes.items():
-        if attribute.GetTimeSamples():
-            raise Unread(f"{name} changes over time")
-    given = {name: np.asarray(a.Get() or []) for name, a in attributes.items()}
-    sizes, orders, knots = (given[name] for name in ("curveVertexCounts", "order", "knots"))
-    ranges, weights = given["ranges"], given["pointWeights"]
+    attributes = (
+        curves.GetCurveVertexCountsAttr(),
+        curves.GetOrderAttr(),
+        curves.GetKnotsAttr(),
+        curves.GetRangesAttr(),
+        curves.GetPointWeightsAttr(),
+    )
+    given = (np.asarray(_fixed(attribute) or []) for attribute in attributes)
+    sizes, orders, knots, ranges, weights = given
     if len(orders) != len(sizes) or len(knots) != sizes.sum() + orders.sum():
         raise Unread("NURBS curves whose orders and knots do not fit their points")
     if len(weights) and len(weights) != sizes.sum():
