@@ -185,14 +185,14 @@ class _Scene:
         radii: list[Array] = []
         for batch in self.batches:
             try:
-                given = batch.at(code, self.basis)
+                own_points, own_counts, own_radii = batch.at(code, self.basis)
                 for path, matrix in batch.places(cache, code):
-                    points = batch.transformed(given.points, matrix)
+                    points = batch.transformed(own_points, matrix)
                     positions.append(points if single else points.astype(np.float64, copy=False))
-                    counts += given.signed
-                    names += batch.names(path, len(given.signed))
-                    if given.radii is not None:
-                        radii.append(_stretch(matrix) * given.radii)
+                    counts += own_counts
+                    names += batch.names(path, len(own_counts))
+                    if own_radii is not None:
+                        radii.append(_stretch(matrix) * own_radii)
             except Unread as why:
                 raise Unread(f"{batch.path}, time code {code:g}: {why}") from None
         with_radii = all(batch.widths is not None for batch in self.batches)
@@ -204,16 +204,6 @@ class _Scene:
             names=names if any(batch.own_names != [] for batch in self.batches) else [],
             radii=np.concatenate(radii).tolist() if radii and with_radii else [],
         )
-
-
-@dataclasses.dataclass
-class _Given:
-    """Curves of a prim at one time, before its transform."""
-
-    points: Array
-    # Number of points of each curve, negative if it is closed.
-    signed: list[int]
-    radii: Array | None
 
 
 class _Batch:
@@ -270,7 +260,7 @@ class _Batch:
             names = ("protoIndices", "positions", "orientations", "orientationsf", "scales", "ids")
             attributes += [copied[0].GetAttribute(name) for name in names]
         self.samples = {t for a in attributes if a for t in a.GetTimeSamples()}
-        moving = {t for t in self._times_of_transforms(prim)}
+        moving = {*self._times_of_transforms(prim)}
         if copied:
             moving.update(self._times_of_transforms(copied[0]))
         self.samples |= moving
@@ -309,8 +299,9 @@ class _Batch:
             copies = 0
         return len(self.counts.Get(code) or []) * copies
 
-    def at(self, code: float, basis: str) -> _Given:
-        """Reads the curves at a time, in their own basis or as Bezier pieces."""
+    def at(self, code: float, basis: str) -> tuple[Array, list[int], Array | None]:
+        """Reads the curves at a time, in their own basis or as Bezier pieces: points before the
+        transform, the number of points of each curve, negative if it is closed, and radii."""
         points, counts = self.points.Get(code), self.counts.Get(code)
         if points is None or counts is None:
             raise Unread(f"{'points' if points is None else 'curveVertexCounts'} has no value")
@@ -340,7 +331,7 @@ class _Batch:
             parts = np.split(points, np.cumsum(sizes)[:-1])
             parts = self._pieces(parts, closed, code)
             points, sizes = np.concatenate(parts), np.array([len(part) for part in parts])
-        return _Given(points, (-sizes if closed else sizes).tolist(), radii)
+        return points, (-sizes if closed else sizes).tolist(), radii
 
     def _pieces(self, parts: list[Array], closed: bool, code: float) -> list[Array]:
         """Returns the curves as Bezier pieces."""
