@@ -4,7 +4,7 @@
 use super::approach::{ACCURACY, Side};
 use super::edges::{Edge, Edges, Found, TOLERANCE};
 use crate::curve::vector::{add, dot, per_axis, sub};
-use crate::curve::{Image, Point, bounds, is_home, union};
+use crate::curve::{Image, Point, bounds, union};
 use crate::error::Result;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -291,54 +291,39 @@ impl Octree {
             bounds: self.bounds[k],
             side: (!edge.is_straight()).then(|| edges.side(edge)),
         };
-        if !images {
-            return self.descend(edges, &ramp, k, Image::default(), &mut limit, &mut found);
-        }
-        for image in edges.images(self.order[k], limit) {
-            self.descend(edges, &ramp, k, image, &mut limit, &mut found);
-        }
-    }
-
-    /// Passes the struts between an edge and one image of the other edges to `found`.
-    fn descend(
-        &self,
-        edges: &Edges,
-        ramp: &Ramp<'_>,
-        k: usize,
-        image: Image,
-        limit: &mut f64,
-        found: &mut impl FnMut(Found) -> f64,
-    ) {
-        // Nodes after this place have only later edges, which are not compared with this one. A
-        // spline segment is also compared with itself.
-        let end = match is_home(&image) {
-            true => k + usize::from(!ramp.edge.is_straight()),
-            false => self.order.len(),
-        };
-        let (by, pad) = edges.shift(image);
-        let may_be_near = |bounds: &Bounds, limit: f64| {
-            let [lo, hi] = bounds.map(|p| add(p, by));
-            let moved = [lo.map(|x| x - pad), hi.map(|x| x + pad)];
-            distance_sq(&ramp.bounds, &moved) <= limit && ramp.meets(&moved)
-        };
-        let mut at = 0;
-        while let Some(node) = self.nodes.get(at) {
-            if node.first as usize >= end {
-                break;
-            }
-            if !may_be_near(&node.bounds, *limit) {
-                at = node.skip as usize;
-                continue;
-            }
-            at += 1;
-            if !node.is_leaf {
-                continue;
-            }
-            for other in node.first as usize..(node.end as usize).min(end) {
-                if may_be_near(&self.bounds[other], *limit) {
-                    let pair = (self.order[k], self.order[other]);
-                    if let Some(strut) = edges.strut_between(pair.0, pair.1, image, *limit) {
-                        *limit = limit.min(found(strut));
+        let home = (!images).then(Image::default);
+        let others = images.then(|| edges.images(self.order[k], limit));
+        for image in home.into_iter().chain(others.into_iter().flatten()) {
+            // Nodes after this place have only later edges, which are not compared with this one. A
+            // spline segment is also compared with itself.
+            let end = match images {
+                true => self.order.len(),
+                false => k + usize::from(!edge.is_straight()),
+            };
+            let (by, pad) = edges.shift(image);
+            let may_be_near = |bounds: &Bounds, limit: f64| {
+                let [lo, hi] = bounds.map(|p| add(p, by));
+                let moved = [lo.map(|x| x - pad), hi.map(|x| x + pad)];
+                distance_sq(&ramp.bounds, &moved) <= limit && ramp.meets(&moved)
+            };
+            let mut at = 0;
+            while let Some(node) = self.nodes.get(at)
+                && (node.first as usize) < end
+            {
+                if !may_be_near(&node.bounds, limit) {
+                    at = node.skip as usize;
+                    continue;
+                }
+                at += 1;
+                if !node.is_leaf {
+                    continue;
+                }
+                for other in node.first as usize..(node.end as usize).min(end) {
+                    if may_be_near(&self.bounds[other], limit) {
+                        let pair = (self.order[k], self.order[other]);
+                        if let Some(strut) = edges.strut_between(pair.0, pair.1, image, limit) {
+                            limit = limit.min(found(strut));
+                        }
                     }
                 }
             }

@@ -195,13 +195,9 @@ impl NearList {
             let [a, b] = pair.blocks.map(|k| k as usize);
             let radius = |block: usize| radii[blocks.numbers.curves[block] as usize];
             let sum = radius(a) + radius(b);
-            let (other, rounding) = match &lattice {
-                None => (boxes[b], rounding),
-                Some(lattice) => {
-                    let (other, more) = lattice.translated(&boxes[b], pair.image);
-                    (other, rounding + more)
-                }
-            };
+            let translated = |lattice: &Lattice| lattice.translated(&boxes[b], pair.image);
+            let (other, more) = lattice.as_ref().map_or((boxes[b], 0.0), translated);
+            let rounding = rounding + more;
             let gap = boxes[a].dist_sq_below(&other).sqrt();
             Some(NearPair {
                 pair: *pair,
