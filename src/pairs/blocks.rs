@@ -52,13 +52,10 @@ pub(crate) struct BlockLists<T> {
 impl<T: Copy + Default> BlockLists<T> {
     /// Sorts items by their blocks. The items of a block stay in their order.
     pub fn new(blocks: usize, items: impl Iterator<Item = (u32, T)> + Clone) -> BlockLists<T> {
-        let (mut ends, mut sorted) = (Vec::new(), Vec::new());
-        let items = items.map(|(block, item)| (block as usize, item));
-        distribute(items, blocks, &mut ends, &mut sorted);
-        BlockLists {
-            ends,
-            items: sorted,
-        }
+        let given = items.map(|(block, item)| (block as usize, item));
+        let (mut ends, mut items) = (Vec::new(), Vec::new());
+        distribute(given, blocks, &mut ends, &mut items);
+        BlockLists { ends, items }
     }
 
     /// Returns the items of a block.

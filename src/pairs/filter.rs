@@ -34,9 +34,8 @@ impl LoopPairs {
 
     /// Returns the curves of a loop; `None` for a curve of the frame.
     pub fn loop_of(&self, i: u32) -> Option<[u32; 2]> {
-        self.loops
-            .get((i as usize).checked_sub(self.closed.len())?)
-            .copied()
+        let k = (i as usize).checked_sub(self.closed.len())?;
+        self.loops.get(k).copied()
     }
 
     fn contains(&self, i: u32, j: u32) -> bool {

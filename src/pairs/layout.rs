@@ -25,10 +25,7 @@ impl Node {
     /// Returns the child in lane `k`. A node of level 0 has no children.
     #[inline]
     pub fn child(self, k: u32) -> Node {
-        Node {
-            level: self.level - 1,
-            index: self.lane(k),
-        }
+        Node::new(self.level - 1, self.lane(k))
     }
 
     /// Returns the index of the item in lane `k`: of a child node in the level below, or of a

@@ -149,8 +149,7 @@ impl LinkSearch {
 
     /// Returns the number of groups of eight boxes that the last search compared with a box.
     pub fn steps(&self) -> u64 {
-        let [lo, ..] = &self.sweep.lo;
-        let [hi, ..] = &self.sweep.hi;
+        let (lo, hi) = (&self.sweep.lo[0], &self.sweep.hi[0]);
         let boxes = self.sweep.order.len();
         let steps = |k: usize| {
             let passed = lo[k + 1..boxes].partition_point(|&other| other <= hi[k]);

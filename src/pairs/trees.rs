@@ -171,10 +171,7 @@ impl BoxTree for CurveTree<'_> {
 impl CurveTree<'_> {
     /// Returns the root node.
     pub fn root(&self) -> Node {
-        Node {
-            level: self.layout.levels - 1,
-            index: 0,
-        }
+        Node::new(self.layout.levels - 1, 0)
     }
 
     /// Returns true if the curve has so few segments that testing its coarse boxes does not pay.
