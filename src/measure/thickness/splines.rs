@@ -166,18 +166,15 @@ fn radii(hull: &Bezier, [from, to]: [f64; 2]) -> [f64; 2] {
 
 /// Returns a joint of two segments with different directions, if there is one.
 fn corner(set: &CurveSet, cell: Option<&Cell>) -> Option<MinRad> {
+    // Splines of other bases are smooth inside, but a yarn may continue in another direction at the
+    // end of its period.
+    let is_smooth = set.basis() != Basis::Bezier;
     for (i, curve) in set.curves().iter().enumerate() {
         let runs_through = cell.is_some_and(|cell| period(set, i, cell).is_some());
-        for s in 0..curve.segments {
-            // Splines of other bases are smooth inside, but a yarn may continue in another
-            // direction at the end of its period.
-            let is_smooth = set.basis() != Basis::Bezier;
-            let next = match s + 1 {
-                next if next < curve.segments && !is_smooth => next,
-                next if next < curve.segments => continue,
-                _ if curve.closed && !is_smooth || runs_through => 0,
-                _ => continue,
-            };
+        let inside = (1..curve.segments).filter(|_| !is_smooth);
+        let is_joined = curve.closed && !is_smooth || runs_through;
+        let around = is_joined.then(|| [curve.segments - 1, 0]);
+        for [s, next] in inside.map(|next| [next - 1, next]).chain(around) {
             let [before, after] = [s, next].map(|s| set.segment(i, s as usize));
             let directions = last_direction(&before).zip(first_direction(&after));
             if directions.is_some_and(|(u, v)| is_corner(u, v)) {
