@@ -151,10 +151,8 @@ impl SweptTrees {
         let some = curves.clone().map(both).filter(|b| b[0] != Box3::EMPTY);
         let observer = Observer::following(some, self.slack);
         self.roots.clear();
-        self.roots.extend(curves.map(|i| {
-            let [before, after] = both(i);
-            observer.swept([&before, &after])
-        }));
+        let swept = |i: usize| observer.swept(both(i).each_ref());
+        self.roots.extend(curves.map(swept));
         &self.roots
     }
 
