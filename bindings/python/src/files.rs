@@ -1,7 +1,6 @@
 //! Files that the command reads itself, as frames for Python.
 
 use crate::call::Shared;
-use crate::frame::cell;
 use linkwatch::formats::ReadOptions;
 use linkwatch::{CurveLabels, CurveSet, LeftOut, Positions};
 use numpy::{PyArray1, PyArrayMethods};
@@ -44,27 +43,29 @@ struct State {
 
 #[pymethods]
 impl FileReader {
-    /// `ignores_cell` is true if the cells of the files are ignored.
+    /// The cell is one in the form of the option `--cell`, or `none`.
     #[new]
     fn new(
         py: Python<'_>,
         files: Vec<PathBuf>,
         flags: Flags,
-        cell_numbers: Option<[f64; 12]>,
-        ignores_cell: bool,
+        cell: Option<&str>,
         counts: Option<Vec<i32>>,
         topic: Option<String>,
         bonds: Option<PathBuf>,
     ) -> PyResult<FileReader> {
         let mut options = ReadOptions::default();
-        let given = cell_numbers.map(cell);
         (
             options.closed,
             options.wrapped,
             options.keep_open,
             options.keep_order,
         ) = flags;
-        options.cell = (given.is_some() || ignores_cell).then_some(given);
+        options.cell = match cell {
+            None => None,
+            Some("none") => Some(None),
+            Some(text) => Some(Some(text.parse().map_err(exception)?)),
+        };
         (options.counts, options.topic, options.bonds) = (counts, topic, bonds);
         let open = || linkwatch::FileReader::open(&files, options);
         Ok(FileReader(Shared::new(State {
@@ -168,6 +169,7 @@ fn of_package(words: &str) -> String {
         .replace("option `--", "option `")
         .replace("`wrapped", "`unwrap")
         .replace("--wrapped", "`unwrap`")
+        .replace("=false`", "=False`")
         .replace("`--cell ", "`cell=")
         .replace("give --one-motion", "pass the option `one_motion`")
 }

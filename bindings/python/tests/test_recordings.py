@@ -2,6 +2,7 @@
 
 import dataclasses
 import pathlib
+import random
 from concurrent.futures import ThreadPoolExecutor
 
 import linkwatch
@@ -235,3 +236,58 @@ def test_each_of_several_recorded_runs_needs_its_last_file(tmp_path):
     # The frame that was asked for is there.
     code, _, err = run("convert", a[0], tmp_path / "one.npz", "--frame", "1")
     assert code == 0 and "not given" not in err
+
+
+def test_frames_of_the_command_are_read_one_at_a_time_without_other_files(tmp_path, monkeypatch):
+    """Regression test: all frames were first written to a temporary folder."""
+    frames = [linkwatch.io.Frame(np.eye(3) + [k, 0, 0], [-3], seq=k, time=k) for k in range(40)]
+    (path,) = linkwatch.write(frames, tmp_path / "run.npz")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "none"))
+    read = linkwatch.read(path)
+    assert read.length is None and [frame.seq for frame in read] == list(range(40))
+    assert len(read) == 40 and str(read.summary) == "1 curve, 1 closed"
+    # The summary is complete although only some frames were taken.
+    begun = iter(linkwatch.read(path))
+    assert [next(begun).seq, next(begun).seq] == [0, 1]
+    # Parts in any order are those of all frames.
+    rng = random.Random(5)
+    for _ in range(60):
+        start = rng.randrange(40)
+        stop = rng.randrange(start, 41)
+        assert [frame.seq for frame in read.part(start, stop)] == list(range(start, stop))
+
+
+def test_invalid_frames_keep_their_numbers_and_reasons(tmp_path):
+    """Also before the first valid frame, and at the end of a file that was cut off."""
+    lines = ["3", "Time={k} Properties=species:S:1:pos:R:3:molecule:I:1:closed:L:1"]
+    lines += [f"C {x} {y} {z} 0 T" for x, y, z in np.eye(3)]
+    text = "\n".join(lines) + "\n"
+    parts = [text.replace("{k}", str(k)) for k in range(5)]
+    parts[0] = parts[0].replace("C 1.0", "C nan")
+    parts[2] = parts[2].replace("C 0.0", "C inf")
+    path = tmp_path / "a.xyz"
+    path.write_text("".join(parts)[:-20])
+    read = linkwatch.read(path)
+    found = list(read)
+    assert [frame.seq for frame in found] == [0, 1, 2, 3, 4] and len(read) == 5
+    assert [frame.rejected is None for frame in found] == [False, True, False, True, False]
+    assert "not a finite number" in found[0].rejected and "a.xyz" not in found[0].rejected
+    assert "too many" in found[4].rejected and np.isnan(found[4].positions).all()
+    run_of_all = linkwatch.check(read)
+    assert [row["verdict"] for row in run_of_all.frames].count("rejected") == 3
+    path.write_text(parts[0])
+    with pytest.raises(ValueError, match="a.xyz, frame 0: .*not a finite number"):
+        linkwatch.read(path)
+    path.write_text("")
+    with pytest.raises(ValueError, match="a.xyz: no frame"):
+        linkwatch.read(path)
+
+
+def test_a_list_of_the_frames_of_a_file_knows_that_the_run_goes_on(tmp_path):
+    scene = ("generate", "chainmail:rows=12,columns=12", "--frames", "30,diameter=0.2")
+    assert run(*scene, "-o", tmp_path / "run.npz")[0] == 0
+    record = f"{tmp_path / 'run.mcap'},max=1MB"
+    assert run("check", tmp_path / "run.npz", "--record", record)[0] == 0
+    frames = list(linkwatch.read(tmp_path / "run.mcap"))
+    assert frames[-1].left_out == ("files of the run after run.mcap",)
+    assert linkwatch.check(frames).verdict == "incomplete"

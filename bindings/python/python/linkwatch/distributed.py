@@ -20,9 +20,9 @@ state. This happens after linking numbers were added to the baseline, curves cam
 curve jumped by a lattice vector: from there on, chunks are verified one after the other. The lower
 bound of a clearance may differ, and in a periodic cell the digits of places in words.
 
-Formats with random access (trajectories of MDAnalysis, ``.npz`` and other files of the command) are
-read by the workers, which need the files under the same names. Frames of all others are read here
-and sent to them.
+Trajectories of MDAnalysis and files of the command (``.npz`` and others) are read by the workers,
+which need the files under the same names. Frames of all others are read here and sent to them.
+Each worker reads a file of the command from its beginning, so it reads on from chunk to chunk.
 
 Dask verifies the chunk of a worker that was lost again on another one. A process that was forked
 from one that used linkwatch cannot use it: processes of ``ProcessPoolExecutor`` are best spawned.

@@ -135,12 +135,13 @@ class _Files:
     def _new(self) -> Iterator[Frame]:
         """Opens the files, and yields each frame when the next one was read: with the last one, the
         summary is complete."""
-        options, cell = self.options, self.options.cell_or(None)
+        options, cell = self.options, self.options.cell
+        if (vectors := options.cell_or(None)) is not None:
+            cell = ",".join(map(repr, vectors.ravel().tolist()))
         reader = _linkwatch.FileReader(
             self.paths,
             (options.closed, options.unwrap, options.keep_open, options.keep_order),
-            None if cell is None else arguments.twelve(cell),
-            isinstance(options.cell, str) and options.cell == "none",
+            cell,
             None if options.counts is None else arguments.integers(options.counts),
             options.topic,
             self.bonds,
@@ -156,7 +157,8 @@ class _Files:
             before = frame
             self._note(reader, repeated)
         if before is None:
-            raise ValueError("; ".join([*repeated, "the input has no valid frame"]))
+            why = "; ".join([*repeated, "the input has no valid frame"])
+            raise ValueError(why if repeated else f"{self.paths[0]}: no frame")
         self._note(reader, repeated)
         summary.part, summary.ends_in_gap, summary.continues = reader.ending()
         if self.is_alone and summary.continues:
@@ -177,14 +179,14 @@ def _valid(reader: _linkwatch.FileReader, repeated: list[str]) -> Iterator[Frame
     """Yields the frames of a reader. Those that are invalid have the place of the frame before, or
     of the first valid one. Adds the invalid ones with the number of another frame to a list."""
     last: Frame | None = None
-    early: list[tuple[int, float, str]] = []
+    early: list[tuple[str, int, float, str]] = []
     counts, basis, names, radii = list[int](), "", list[str](), list[float]()
     while (row := reader.next()) is not None:
         name, seq, time, cuts, vectors, curves, why = row
         if curves is None:
             assert why is not None
             if last is None:
-                early.append((seq, time, f"{name}: {why}"))
+                early.append((name, seq, time, why))
             elif seq <= last.seq:
                 repeated.append(f"frame {seq}, which is invalid: {why}")
             else:
@@ -196,11 +198,11 @@ def _valid(reader: _linkwatch.FileReader, repeated: list[str]) -> Iterator[Frame
             counts, basis, names, radii = described
         cell = None if vectors is None else np.array(vectors)
         last = Frame(positions, counts, basis, names, radii, cell, seq, time, cuts=cuts)
-        for number, at, reason in early:
+        for _, number, at, reason in early:
             yield _invalid(last, number, at, reason)
         early.clear()
         yield last
-    repeated += [reason for _, _, reason in early[:1]]
+    repeated += [f"{name}: {why}" for name, _, _, why in early[:1]]
 
 
 def _invalid(near: Frame, seq: int, time: float, why: str) -> Frame:
