@@ -291,3 +291,26 @@ def test_a_list_of_the_frames_of_a_file_knows_that_the_run_goes_on(tmp_path):
     frames = list(linkwatch.read(tmp_path / "run.mcap"))
     assert frames[-1].left_out == ("files of the run after run.mcap",)
     assert linkwatch.check(frames).verdict == "incomplete"
+    # Regression test: a second iteration that ended early made the summary incomplete, and the
+    # run intact.
+    for taken in (0, 1, 3):
+        read = linkwatch.read(tmp_path / "run.mcap")
+        begun = iter(read)
+        for _ in range(taken):
+            next(begun)
+        checked = linkwatch.check(read)
+        next(iter(read))
+        assert taken == 0 or next(begun).seq == taken
+        assert checked.verdict == "incomplete"
+        assert read.summary.left_out == ["files of the run after run.mcap"]
+
+
+def test_an_invalid_frame_of_files_that_continue_one_another_is_said_once(tmp_path):
+    frames = [linkwatch.io.Frame(np.eye(3), [-3], seq=k) for k in range(3)]
+    frames[1] = frames[0].invalid("lost", seq=1)
+    (first,) = linkwatch.write(frames, tmp_path / "a.npz")
+    (second,) = linkwatch.write(frames[2:], tmp_path / "b.npz")
+    read = linkwatch.read(first, second, one_motion=True)
+    assert len(list(read)) == 4
+    (said,) = read.summary.rejected
+    assert said.startswith("frame 1 is invalid: ")

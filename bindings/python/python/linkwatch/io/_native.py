@@ -47,7 +47,7 @@ def _chained(parts: list[Frames]) -> Frames:
     for part, number_after in zip(parts, [*numbers[1:], 0]):
         if part.summary.continues and number_after in (0, 1):
             part.summary.left_out.append(f"files of the run after {part.path.name}")
-    summary = dataclasses.replace(parts[0].summary)
+    summary = dataclasses.replace(parts[0].summary, rejected=[])
     for said in ("left_out", "notes"):
         every = [one for part in parts for one in getattr(part.summary, said)]
         setattr(summary, said, list(dict.fromkeys(every)))
@@ -146,8 +146,7 @@ class _Files:
             options.topic,
             self.bonds,
         )
-        summary, repeated = self.summary, list[str]()
-        summary.notes.clear()
+        summary, notes, repeated = self.summary, list[str](), list[str]()
         before, number = None, 0
         for number, frame in enumerate(_valid(reader, repeated), 1):
             if before is None:
@@ -155,24 +154,29 @@ class _Files:
             else:
                 yield before
             before = frame
-            self._note(reader, repeated)
+            self._note(reader, notes, repeated)
         if before is None:
             why = "; ".join([*repeated, "the input has no valid frame"])
             raise ValueError(why if repeated else f"{self.paths[0]}: no frame")
-        self._note(reader, repeated)
-        summary.part, summary.ends_in_gap, summary.continues = reader.ending()
-        if self.is_alone and summary.continues:
-            summary.left_out.append(f"files of the run after {self.paths[-1].name}")
-        self._length = number
+        self._note(reader, notes, repeated)
+        if self._length is None:
+            summary.part, summary.ends_in_gap, summary.continues = reader.ending()
+            if self.is_alone and summary.continues:
+                summary.left_out.append(f"files of the run after {self.paths[-1].name}")
+            self._length = number
         yield before
 
-    def _note(self, reader: _linkwatch.FileReader, repeated: list[str]) -> None:
-        """Brings the summary up to date."""
-        found = [words for kind, words in reader.left_out() if self.is_alone or kind != LATER_FILES]
-        self.summary.left_out[:] = [*found, *repeated]
-        for message in reader.messages():
-            if not any(known in message for known in KNOWN):
-                self.summary.notes.append(message)
+    def _note(
+        self, reader: _linkwatch.FileReader, notes: list[str], repeated: list[str]
+    ) -> None:
+        """Brings the summary up to date, unless it is complete: a later iteration may end early."""
+        if self._length is None:
+            said = reader.messages()
+            notes += [note for note in said if not any(known in note for known in KNOWN)]
+            self.summary.notes[:] = notes
+            found = reader.left_out()
+            found = [one for one in found if self.is_alone or one[0] != LATER_FILES]
+            self.summary.left_out[:] = [*(words for _, words in found), *repeated]
 
 
 def _valid(reader: _linkwatch.FileReader, repeated: list[str]) -> Iterator[Frame]:
