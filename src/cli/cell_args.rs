@@ -69,7 +69,7 @@ fn given_cell(text: &str) -> Result<GivenCell> {
 }
 
 impl CellArgs {
-    /// Returns the options that a reader has.
+    /// Returns the options that a reader has. Curves stay open, too, if `--closed=false` says so.
     pub fn of(options: &ReadOptions) -> CellArgs {
         CellArgs {
             cell: CellArg { cell: options.cell },

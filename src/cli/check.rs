@@ -94,7 +94,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         abort_on: Some(AbortOn::Never),
         event_args: args.event_args.clone(),
         braid_args: args.braid_args.clone(),
-        cell_args: args.format.cell_args(args.cell_args),
+        cell_args: CellArgs::of(&options),
         // The models are files of the user, and no simulator runs on.
         max_pairs: Some(usize::MAX),
         ..Judge::default()

@@ -1,5 +1,6 @@
 //! `linkwatch convert`: rewrites the frames of model files and recordings in another format.
 
+use super::Outcome;
 use super::cell_args::CellArgs;
 use super::files::{Content, Files, Overwrite, with_suffix, write_whole};
 use super::input::{self, FormatArgs};
@@ -7,7 +8,6 @@ use super::motion::{Motion, cut_at_gaps};
 use super::output::{self, count, plural};
 use super::run::MOTION_LIMIT;
 use super::sequence::Frame;
-use super::{Outcome, recorded};
 use linkwatch::formats::{Format, FrameWriter, ModelFrame, ReadOptions};
 use linkwatch::{
     Basis, Certifier, CurveSet, FrameInfo, LeftOut, Result, SessionOptions, chords,
@@ -69,11 +69,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         one_motion: args.one_motion,
         ..args.format.options(&args.cell_args)
     };
-    let part = match &inputs[..] {
-        [one] => recorded::part(one).map(|part| part.number),
-        _ => None,
-    };
     let mut motion = Motion::new(&inputs, options)?;
+    let part = motion.part;
     let is_chosen = |frame: &Result<Frame>| match (frame, args.frame) {
         (Ok(frame), Some(seq)) => frame.info.seq == seq,
         _ => true,

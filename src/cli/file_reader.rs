@@ -1,13 +1,13 @@
 //! Frames of files for the Python package.
 
+use super::input;
 use super::motion::{Motion, cut_at_gaps};
 use super::sequence::Frame;
-use super::{input, recorded};
 use linkwatch::formats::ReadOptions;
-use linkwatch::{Error, LeftOut, Result};
+use linkwatch::{LeftOut, Result};
 use std::io::{self, Write};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::mpsc::{self, Receiver, Sender};
 use tracing::{Dispatch, Level, dispatcher};
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::SubscriberExt;
@@ -16,24 +16,20 @@ use tracing_subscriber::layer::SubscriberExt;
 pub struct FileReader {
     motion: Motion,
     gaps: Vec<LeftOut>,
-    /// Number of the file among those of a recorded run.
-    pub part: Option<u32>,
     /// Elements that were not read so far.
     pub left_out: Vec<LeftOut>,
-    messages: Messages,
+    messages: Receiver<String>,
     log: Dispatch,
 }
 
-/// Messages that the caller did not take yet.
-#[derive(Clone, Default)]
-struct Messages(Arc<Mutex<Vec<String>>>);
+/// Writer of log messages, each in one piece.
+struct Messages(Sender<String>);
 
-/// Every message is written in one piece.
 impl Write for Messages {
     fn write(&mut self, message: &[u8]) -> io::Result<usize> {
         let text = String::from_utf8_lossy(message).trim().to_owned();
-        let mut waiting = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        waiting.push(text);
+        // After the reader is gone, nobody wants them.
+        self.0.send(text).ok();
         Ok(message.len())
     }
 
@@ -50,29 +46,22 @@ impl FileReader {
     /// A pattern matches no file, or a folder is not one of models. Errors of the content are those
     /// of frames.
     pub fn open(files: &[PathBuf], options: ReadOptions) -> Result<FileReader> {
-        let messages = Messages::default();
-        let writer = messages.clone();
+        let (to, messages) = mpsc::channel();
         let lines = tracing_subscriber::fmt::layer()
-            .with_writer(move || writer.clone())
+            .with_writer(move || Messages(to.clone()))
             .with_ansi(false)
             .without_time()
             .with_level(false)
             .with_target(false);
         let levels = Targets::new().with_target("linkwatch", Level::INFO);
         let log = Dispatch::new(tracing_subscriber::registry().with(levels).with(lines));
-        let (motion, part) = dispatcher::with_default(&log, || {
-            let files = input::expand(files, options.keep_order)?;
-            let part = match &files[..] {
-                [one] => recorded::part(one).map(|part| part.number),
-                _ => None,
-            };
-            Ok::<_, Error>((Motion::new(&files, options)?, part))
+        let motion = dispatcher::with_default(&log, || {
+            Motion::new(&input::expand(files, options.keep_order)?, options)
         })?;
         let (gaps, left_out) = (Vec::new(), Vec::new());
         Ok(FileReader {
             motion,
             gaps,
-            part,
             left_out,
             messages,
             log,
@@ -80,13 +69,13 @@ impl FileReader {
     }
 
     /// Returns the messages since the last call.
-    pub fn take_messages(&self) -> Vec<String> {
-        let mut waiting = self
-            .messages
-            .0
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        std::mem::take(&mut *waiting)
+    pub fn take_messages(&self) -> impl Iterator<Item = String> {
+        self.messages.try_iter()
+    }
+
+    /// Returns the number of the file among those of a recorded run.
+    pub fn part(&self) -> Option<u32> {
+        self.motion.part
     }
 
     /// Returns true if frames after the last one are not in the recording. Call this at the end.

@@ -155,7 +155,6 @@ impl Selected {
     /// Opens a model file if the argument has the extension of one or names an existing file.
     /// Otherwise builds the scene that the argument describes.
     fn open(files: &[PathBuf], args: &FrameArgs, options: &ReadOptions) -> Result<Selected> {
-        let cells = args.format.cell_args(args.cell_args);
         Ok(Selected {
             path: name_of(files),
             selection: args.frame.unwrap_or_default(),
@@ -165,7 +164,7 @@ impl Selected {
             numbered: input::are_numbered(files, options, true),
             several: false,
             left_out: Vec::new(),
-            cells: Cells::new(cells),
+            cells: Cells::new(CellArgs::of(options)),
         })
     }
 

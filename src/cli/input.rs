@@ -57,12 +57,6 @@ impl FormatArgs {
         models.filter_map(move |model| options.bonds_of(&model))
     }
 
-    /// Returns the options of cells, which say that curves stay open if `--closed=false` does.
-    pub fn cell_args(&self, mut cells: CellArgs) -> CellArgs {
-        cells.keep_open |= self.closed == Some(false);
-        cells
-    }
-
     /// Returns the options of a reader.
     pub fn options(&self, cells: &CellArgs) -> ReadOptions {
         ReadOptions {

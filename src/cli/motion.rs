@@ -1,6 +1,7 @@
 //! Frames of files as one motion, closed and unwrapped.
 
 use super::cell_args::{CellArgs, Cells};
+use super::recorded;
 use super::sequence::{Frame, Sequence};
 use linkwatch::formats::ReadOptions;
 use linkwatch::{LeftOut, Result};
@@ -10,13 +11,20 @@ use std::path::PathBuf;
 /// unwrapped.
 pub struct Motion {
     pub sequence: Sequence,
+    /// Number of the only file among those of a recorded run.
+    pub part: Option<u32>,
     cells: Cells,
 }
 
 impl Motion {
     /// Prepares to read files, which [`input::expand`](super::input::expand) returned.
     pub fn new(files: &[PathBuf], options: ReadOptions) -> Result<Motion> {
+        let part = match files {
+            [one] => recorded::part(one).map(|part| part.number),
+            _ => None,
+        };
         Ok(Motion {
+            part,
             cells: Cells::new(CellArgs::of(&options)),
             sequence: Sequence::new(files, options)?,
         })

@@ -1,6 +1,7 @@
 //! Files that the command reads itself, as frames for Python.
 
 use crate::call::Shared;
+use crate::frame::rows;
 use linkwatch::formats::ReadOptions;
 use linkwatch::{CurveLabels, CurveSet, LeftOut, Positions};
 use numpy::{PyArray1, PyArrayMethods};
@@ -12,19 +13,22 @@ use std::sync::Arc;
 /// Numbers of points, basis, names and radii of the curves of a frame.
 type Described = (Vec<i32>, String, Vec<String>, Vec<f32>);
 
-/// Points, and a description of their curves unless it is that of the frame before.
-type Curves<'py> = (Bound<'py, PyAny>, Option<Described>);
-
-/// Name, number, time, number of cuts, cell, and curves of a frame, or why it is invalid.
-type Row<'py> = (
-    String,
-    u64,
-    f64,
-    u32,
-    Option<[[f64; 3]; 4]>,
-    Option<Curves<'py>>,
-    Option<String>,
-);
+/// A frame, as `linkwatch.io` takes it.
+#[pyclass(frozen, get_all, module = "linkwatch")]
+pub struct Row {
+    /// Name of the file, with the number of the frame if it may hold several.
+    name: String,
+    seq: u64,
+    time: f64,
+    cuts: u32,
+    cell: Option<[[f64; 3]; 4]>,
+    /// Points of the curves, unless the frame is invalid.
+    points: Option<Py<PyAny>>,
+    /// Description of the curves, unless it is that of the frame before.
+    described: Option<Described>,
+    /// Reason why the frame is invalid.
+    rejected: Option<String>,
+}
 
 /// `closed`, `wrapped`, `keep_open` and `keep_order`.
 type Flags = (Option<bool>, Option<bool>, bool, bool);
@@ -77,39 +81,40 @@ impl FileReader {
     }
 
     /// Reads the next frame. `None` after the last one.
-    fn next<'py>(&self, py: Python<'py>) -> PyResult<Option<Row<'py>>> {
+    fn next(&self, py: Python<'_>) -> PyResult<Option<Row>> {
         self.0.with(py, |state| {
             let Some(frame) = py.detach(|| state.reader.next()) else {
                 return Ok(None);
             };
             let frame = frame.map_err(exception)?;
             let info = frame.info;
-            let rows = |cell: linkwatch::Cell| {
-                let [a, b, c] = cell.vectors;
-                [a, b, c, cell.origin]
-            };
-            let (curves, why) = match frame.curves {
-                Ok(set) => (Some(state.curves(py, &set, info.labels)?), None),
-                Err(e) => (None, Some(of_package(&e.to_string()))),
-            };
-            let (seq, time, cuts) = (info.seq, info.time, info.cuts);
-            Ok(Some((
-                frame.name,
-                seq,
-                time,
-                cuts,
-                info.cell.map(rows),
-                curves,
-                why,
-            )))
+            let (mut points, mut described, mut rejected) = (None, None, None);
+            match frame.curves {
+                Ok(set) => {
+                    points = Some(array(py, &set)?);
+                    described = state.described(&set, info.labels);
+                }
+                Err(e) => rejected = Some(of_package(&e.to_string())),
+            }
+            Ok(Some(Row {
+                name: frame.name,
+                seq: info.seq,
+                time: info.time,
+                cuts: info.cuts,
+                cell: info.cell.map(rows),
+                points,
+                described,
+                rejected,
+            }))
         })
     }
 
     /// Returns the messages since the last call.
     fn messages(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        let messages = |state: &mut State| Ok(state.reader.take_messages());
-        let messages = self.0.with(py, messages)?.into_iter();
-        Ok(messages.map(|words| of_package(&words)).collect())
+        self.0.with(py, |state| {
+            let messages = state.reader.take_messages();
+            Ok(messages.map(|words| of_package(&words)).collect())
+        })
     }
 
     /// Returns the elements that were not read so far: their kind, and a sentence.
@@ -123,39 +128,42 @@ impl FileReader {
     /// after the last one are missing, and whether the run continues in another file.
     fn ending(&self, py: Python<'_>) -> PyResult<(Option<u32>, bool, bool)> {
         self.0.with(py, |State { reader, .. }| {
-            Ok((reader.part, reader.ends_in_gap(), reader.is_unfinished()))
+            Ok((reader.part(), reader.ends_in_gap(), reader.is_unfinished()))
         })
     }
 }
 
 impl State {
-    fn curves<'py>(
-        &mut self,
-        py: Python<'py>,
-        set: &CurveSet,
-        labels: Arc<CurveLabels>,
-    ) -> PyResult<Curves<'py>> {
-        let points = match set.positions() {
-            Positions::F32(v) => PyArray1::from_slice(py, v)
-                .reshape([v.len() / 3, 3])?
-                .into_any(),
-            Positions::F64(v) => PyArray1::from_slice(py, v)
-                .reshape([v.len() / 3, 3])?
-                .into_any(),
-        };
+    /// Returns the description of curves, unless it is the last one.
+    fn described(&mut self, set: &CurveSet, labels: Arc<CurveLabels>) -> Option<Described> {
         let basis = set.basis().to_string();
         let is_known = self.labels.as_ref() == Some(&labels)
             && self.basis == basis
             && set.counts().eq(self.counts.iter().copied());
         if is_known {
-            return Ok((points, None));
+            return None;
         }
         self.counts = set.counts().collect();
         self.basis.clone_from(&basis);
         let (names, radii) = (labels.names.clone(), labels.radii.clone());
         self.labels = Some(labels);
-        Ok((points, Some((self.counts.clone(), basis, names, radii))))
+        Some((self.counts.clone(), basis, names, radii))
     }
+}
+
+/// Returns the points of all curves, of the shape `(n, 3)`.
+fn array(py: Python<'_>, set: &CurveSet) -> PyResult<Py<PyAny>> {
+    let shape = [set.points(), 3];
+    Ok(match set.positions() {
+        Positions::F32(v) => PyArray1::from_slice(py, v)
+            .reshape(shape)?
+            .into_any()
+            .unbind(),
+        Positions::F64(v) => PyArray1::from_slice(py, v)
+            .reshape(shape)?
+            .into_any()
+            .unbind(),
+    })
 }
 
 /// Returns the exception of a file that cannot be read.

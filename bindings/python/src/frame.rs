@@ -53,6 +53,12 @@ pub fn cell(numbers: [f64; 12]) -> Cell {
     }
 }
 
+/// Returns the three vectors of a periodic cell, and its corner.
+pub fn rows(cell: Cell) -> [[f64; 3]; 4] {
+    let [a, b, c] = cell.vectors;
+    [a, b, c, cell.origin]
+}
+
 /// Returns the basis of this name.
 pub fn basis(name: &str) -> PyResult<Basis> {
     let unknown = |e: Error| PyValueError::new_err(format!("basis {name:?}: {e}"));

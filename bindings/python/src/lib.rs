@@ -22,8 +22,8 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<certificate::Certificate>()?;
     module.add_class::<session::Session>()?;
     module.add_class::<client::Client>()?;
-    module.add_class::<files::FileReader>()?;
     module.add_class::<client::Message>()?;
+    module.add_class::<files::FileReader>()?;
     module.add_function(wrap_pyfunction!(session::certify, module)?)?;
     module.add_function(wrap_pyfunction!(frame::decided_counts, module)?)?;
     module.add_function(wrap_pyfunction!(frame::long_segment, module)?)?;
@@ -59,9 +59,7 @@ fn sorted_by_number(mut paths: Vec<PathBuf>) -> Vec<OsString> {
 /// Returns the cell with the shortest lattice vectors of the same lattice.
 #[pyfunction]
 fn reduced_cell(numbers: [f64; 12]) -> [[f64; 3]; 4] {
-    let cell = frame::cell(numbers).reduced();
-    let [a, b, c] = cell.vectors;
-    [a, b, c, cell.origin]
+    frame::rows(frame::cell(numbers).reduced())
 }
 
 /// Returns the exception of an error: `OSError` if a file cannot be read or written (a subclass

@@ -14,15 +14,6 @@ def sorted_by_number(paths: list[PathLike[str]]) -> list[str]: ...
 def reduced_cell(numbers: list[float]) -> list[list[float]]: ...
 
 Described = tuple[list[int], str, list[str], list[float]]
-Row = tuple[
-    str,
-    int,
-    float,
-    int,
-    list[list[float]] | None,
-    tuple[npt.NDArray[Any], Described | None] | None,
-    str | None,
-]
 Frame = tuple[npt.NDArray[Any], list[int], str, list[float] | None]
 
 def certify(
@@ -52,6 +43,16 @@ def diagram(frame: Frame, groups: bool) -> tuple[list[Diagram], list[str]]: ...
 def gauss(
     frame: Frame, pairs: list[tuple[int, int]] | None, tolerance: float
 ) -> tuple[list[float], list[float]]: ...
+
+class Row:
+    name: str
+    seq: int
+    time: float
+    cuts: int
+    cell: list[list[float]] | None
+    points: npt.NDArray[Any] | None
+    described: Described | None
+    rejected: str | None
 
 class FileReader:
     def __init__(

@@ -183,32 +183,33 @@ def _valid(reader: _linkwatch.FileReader, repeated: list[str]) -> Iterator[Frame
     """Yields the frames of a reader. Those that are invalid have the place of the frame before, or
     of the first valid one. Adds the invalid ones with the number of another frame to a list."""
     last: Frame | None = None
-    early: list[tuple[str, int, float, str]] = []
+    early: list[tuple[_linkwatch.Row, str]] = []
     counts, basis, names, radii = list[int](), "", list[str](), list[float]()
     while (row := reader.next()) is not None:
-        name, seq, time, cuts, vectors, curves, why = row
-        if curves is None:
-            assert why is not None
+        if (why := row.rejected) is not None:
             if last is None:
-                early.append((name, seq, time, why))
-            elif seq <= last.seq:
-                repeated.append(f"frame {seq}, which is invalid: {why}")
+                early.append((row, why))
+            elif row.seq <= last.seq:
+                repeated.append(f"frame {row.seq}, which is invalid: {why}")
             else:
-                last = _invalid(last, seq, time, why)
+                last = _invalid(last, row, why)
                 yield last
             continue
-        positions, described = curves
-        if described is not None:
-            counts, basis, names, radii = described
-        cell = None if vectors is None else np.array(vectors)
-        last = Frame(positions, counts, basis, names, radii, cell, seq, time, cuts=cuts)
-        for _, number, at, reason in early:
-            yield _invalid(last, number, at, reason)
+        assert row.points is not None
+        if row.described is not None:
+            counts, basis, names, radii = row.described
+        cell = None if row.cell is None else np.array(row.cell)
+        last = Frame(
+            row.points, counts, basis, names, radii, cell, row.seq, row.time, cuts=row.cuts
+        )
+        for before, reason in early:
+            yield _invalid(last, before, reason)
         early.clear()
         yield last
-    repeated += [f"{name}: {why}" for name, _, _, why in early[:1]]
+    repeated += [f"{row.name}: {why}" for row, why in early[:1]]
 
 
-def _invalid(near: Frame, seq: int, time: float, why: str) -> Frame:
+def _invalid(near: Frame, row: _linkwatch.Row, why: str) -> Frame:
     """Returns an invalid frame in the place of another one."""
-    return near.invalid(why, seq=seq, time=time if math.isfinite(time) else near.time)
+    time = row.time if math.isfinite(row.time) else near.time
+    return near.invalid(why, seq=row.seq, time=time)
